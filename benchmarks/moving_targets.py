@@ -24,7 +24,7 @@ from fg_mujoco.addons.arena.random_courses.moving import pedestrian
 from fg_mujoco.addons.arena.scenes.corridors import straight
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.gap_finder import GapFinder
-from fg_mujoco.controllers.perception.scan_geometry import scan_record
+from fg_mujoco.controllers.perception.scan_geometry import geometry_record
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.obstacles import Box
@@ -57,10 +57,10 @@ class Recorder:
 
 
 @kernel
-def track_all(memory, scan, ranges, odometry, moves, places):  # type: ignore[no-untyped-def]
+def track_all(memory, geometry, ranges, odometry, moves, places):  # type: ignore[no-untyped-def]
     """Track a drive; write how many targets move in each tick, and x, y and velocity of the first eight of them."""
     for tick in range(len(ranges)):
-        moves[tick] = track_targets(memory, scan, ranges[tick], odometry[tick], CAR_OFFSET, 0.0)
+        moves[tick] = track_targets(memory, geometry, ranges[tick], odometry[tick], CAR_OFFSET, 0.0)
         k = 0
         for target in memory.targets:
             if target.age > 0 and target.moves and k < places.shape[1]:
@@ -85,7 +85,7 @@ def tracked(log: list[tuple[Any, Any]], noise: float, drift: float) -> tuple[Any
     for _ in range(3):
         memory, places[:] = np.zeros(1, TARGETS)[0], math.nan
         began = time.process_time()
-        track_all(memory, scan_record(log[0][0])[0], ranges, odometry, moves, places)
+        track_all(memory, geometry_record(log[0][0])[0], ranges, odometry, moves, places)
         least = min(least, time.process_time() - began)
     return moves, places, 1e6 * least / len(log)
 

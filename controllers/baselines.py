@@ -28,7 +28,7 @@ def _always(bearing: float) -> Any:
     """Return the kernel `goal` of a planner whose goal has always the same bearing [rad]."""
 
     @kernel
-    def goal(scan, ranges, car, settings, shown):  # type: ignore[no-untyped-def]
+    def goal(geometry, ranges, car, settings, debug):  # type: ignore[no-untyped-def]
         return bearing, _FAR
 
     return staticmethod(goal)
@@ -78,7 +78,7 @@ class Random(Planner):
     @staticmethod
     @kernel
     def reference(  # type: ignore[no-untyped-def]
-        scan, ranges, odometry, car, settings, memory, line
+        geometry, ranges, odometry, car, settings, memory, line
     ):
         """Return the steering angle [rad] of the drawn bearing, no limit to the speed, and the bearing [rad]."""
         state, draws = memory.state, 1

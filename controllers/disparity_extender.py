@@ -33,7 +33,7 @@ from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, Record, setting, setting_of_car
 from .perception.gaps import furthest_beam
-from .perception.intermediate_scans import IntermediateScans, keep
+from .perception.intermediate_scans import IntermediateScans, write_debug
 from .perception.scan_filters import bubble_beams, extend_disparities, greatest_beam
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -69,13 +69,13 @@ def cover_farther(ranges: FloatArray, angle_increment: float, threshold: float, 
 
 
 @kernel
-def is_too_close(scan: Record, valid: FloatArray, side: float, limit: float) -> bool:
+def is_too_close(geometry: Record, ranges: FloatArray, side: float, limit: float) -> bool:
     """Return whether a reading beyond 90 degrees on a side (positive: left) is nearer than `limit` [m]."""
-    right, left = beams_between(scan, len(valid), -_ABEAM, _ABEAM)
-    first, end = (left, len(valid)) if side > 0.0 else (0, right)
+    right, left = beams_between(geometry, len(ranges), -_ABEAM, _ABEAM)
+    first, end = (left, len(ranges)) if side > 0.0 else (0, right)
     nearest = math.inf
     for beam in range(first, end):
-        nearest = min(nearest, valid[beam])
+        nearest = min(nearest, ranges[beam])
     return nearest < limit
 
 
@@ -88,24 +88,24 @@ class DisparityExtender(GoalPlanner):
     @staticmethod
     @kernel
     def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is reachable."""
         radius = 0.5 * car.width + settings.tolerance
         source, threshold = settings.method == SOURCE, settings.disparity_threshold
         if source:
-            reachable = cover_farther(ranges, scan.angle_increment, threshold, radius)
+            reachable = cover_farther(ranges, geometry.angle_increment, threshold, radius)
         else:
-            reachable = extend_disparities(ranges, scan.angle_increment, threshold, radius)
-        keep(shown.extended, reachable)
-        keep(shown.filtered, reachable)
-        first, end = beams_between(scan, len(ranges), -_ABEAM, _ABEAM)
+            reachable = extend_disparities(ranges, geometry.angle_increment, threshold, radius)
+        write_debug(debug.extended, reachable)
+        write_debug(debug.filtered, reachable)
+        first, end = beams_between(geometry, len(ranges), -_ABEAM, _ABEAM)
         goal = furthest_beam(reachable, first, end)
         if source and goal >= 0:
             goal = first + greatest_beam(reachable[first:end])
         if goal < 0 or reachable[goal] <= 0.0:
             return math.nan, 0.0
-        bearing = bearing_of(scan, goal)
-        if bearing != 0.0 and is_too_close(scan, ranges, bearing, settings.side_distance):
+        bearing = bearing_of(geometry, goal)
+        if bearing != 0.0 and is_too_close(geometry, ranges, bearing, settings.side_distance):
             bearing = 0.0
         return bearing, reachable[goal]

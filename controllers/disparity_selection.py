@@ -32,7 +32,7 @@ from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car, setting_of_method
 from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
-from .perception.intermediate_scans import IntermediateScans, keep, keep_run
+from .perception.intermediate_scans import IntermediateScans, write_debug, write_debug_run
 from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -98,23 +98,23 @@ class DisparitySelection(GoalPlanner):
     @staticmethod
     @kernel
     def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
         half = 0.5 * settings.field_of_view
-        first, end = beams_between(scan, len(ranges), -half, half)
-        free, increment, threshold = shown.bubble[first:end], scan.angle_increment, settings.disparity_threshold
+        first, end = beams_between(geometry, len(ranges), -half, half)
+        free, increment, threshold = debug.bubble[first:end], geometry.angle_increment, settings.disparity_threshold
         source = settings.method == SOURCE
-        keep(shown.bubble, ranges if source else clip_to_lookahead(ranges, settings.lookahead))
+        write_debug(debug.bubble, ranges if source else clip_to_lookahead(ranges, settings.lookahead))
         if source:
-            keep(free, mask_bubble(free, increment, settings.bubble_radius))
+            write_debug(free, mask_bubble(free, increment, settings.bubble_radius))
         else:
-            keep(free, mask_nearest(free, increment, settings.bubble_radius))
+            write_debug(free, mask_nearest(free, increment, settings.bubble_radius))
         gap_first, gap_end = longest_run(free) if source else best_opening(free, increment, threshold)
         if gap_first == gap_end:
             return math.nan, 0.0
-        keep_run(shown.gap, shown.bubble, first + gap_first, first + gap_end)
-        place = middle_of(gap_first, gap_end)
+        write_debug_run(debug.gap, debug.bubble, first + gap_first, first + gap_end)
+        position = middle_of(gap_first, gap_end)
         if source:
-            place = float(source_beam(free, gap_first, gap_end, threshold))
-        return bearing_of(scan, first + place), range_at(free, place)
+            position = float(source_beam(free, gap_first, gap_end, threshold))
+        return bearing_of(geometry, first + position), range_at(free, position)

@@ -38,11 +38,11 @@ from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car, setting_of_method
 from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
-from .perception.intermediate_scans import IntermediateScans, keep, keep_run
+from .perception.intermediate_scans import IntermediateScans, write_debug, write_debug_run
 from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest
 from .perception.scan_geometry import beams_between, bearing_of
 
-_FURTHEST, _MIDDLE, _DEEPEST = 0, 1, 2  # places of the words of `point`
+_FURTHEST, _MIDDLE, _DEEPEST = 0, 1, 2  # indices of the words of `point`
 _POINTS = 1  # and of the word of `bubble`
 
 
@@ -81,8 +81,8 @@ def free_space(ranges: FloatArray, angle_increment: float, settings: Record) -> 
 
 
 @kernel
-def best_place(free: FloatArray, first: int, end: int, settings: Record) -> float:
-    """Return the place of the best point, in beams, of the gap `free[first:end]` by step 4."""
+def best_position(free: FloatArray, first: int, end: int, settings: Record) -> float:
+    """Return the position of the best point, in beams, in the gap `free[first:end]` by step 4."""
     if settings.method == SOURCE and settings.point == _FURTHEST:
         return float(first + greatest_beam(free[first:end]))
     if settings.point != _MIDDLE:
@@ -100,17 +100,19 @@ class FollowTheGap(GoalPlanner):
     @staticmethod
     @kernel
     def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
         half = 0.5 * settings.field_of_view
-        first, end = beams_between(scan, len(ranges), -half, half)
-        keep(shown.bubble, ranges if settings.method == SOURCE else clip_to_lookahead(ranges, settings.lookahead))
-        free = shown.bubble[first:end]
-        keep(free, free_space(free, scan.angle_increment, settings))
+        first, end = beams_between(geometry, len(ranges), -half, half)
+        write_debug(
+            debug.bubble, ranges if settings.method == SOURCE else clip_to_lookahead(ranges, settings.lookahead)
+        )
+        free = debug.bubble[first:end]
+        write_debug(free, free_space(free, geometry.angle_increment, settings))
         gap_first, gap_end = longest_run(free)
         if gap_first == gap_end:
             return math.nan, 0.0
-        keep_run(shown.gap, shown.bubble, first + gap_first, first + gap_end)
-        place = best_place(free, gap_first, gap_end, settings)
-        return bearing_of(scan, first + place), range_at(free, place)
+        write_debug_run(debug.gap, debug.bubble, first + gap_first, first + gap_end)
+        position = best_position(free, gap_first, gap_end, settings)
+        return bearing_of(geometry, first + position), range_at(free, position)

@@ -38,7 +38,7 @@ from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .perception.gaps import run_around
-from .perception.intermediate_scans import IntermediateScans, keep, keep_run
+from .perception.intermediate_scans import IntermediateScans, write_debug, write_debug_run
 from .perception.scan_filters import (
     clip_to_lookahead,
     extend_disparities,
@@ -78,31 +78,31 @@ class GapFinder(GoalPlanner):
     @staticmethod
     @kernel
     def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the goal's bearing [rad] and distance [m]; NaN where no beam can be driven along."""
-        increment = scan.angle_increment
+        increment = geometry.angle_increment
         clipped = clip_to_lookahead(ranges, settings.lookahead)
         reach = 0.5 * car.width + settings.clearance
-        keep(shown.extended, extend_disparities(clipped, increment, settings.disparity_threshold, reach))
+        write_debug(debug.extended, extend_disparities(clipped, increment, settings.disparity_threshold, reach))
         if settings.method == SOURCE:
-            nearest = np.array([np.argmin(shown.extended)])
-            keep(shown.bubble, safety_bubbles(shown.extended, nearest, increment, reach))
-            keep(shown.filtered, rolling_mean(shown.bubble, increment, reach))
+            nearest = np.array([np.argmin(debug.extended)])
+            write_debug(debug.bubble, safety_bubbles(debug.extended, nearest, increment, reach))
+            write_debug(debug.filtered, rolling_mean(debug.bubble, increment, reach))
         else:
-            keep(shown.bubble, mask_nearest(shown.extended, increment, settings.nearest_bubble))
-            keep(shown.filtered, rolling_mean(shown.bubble, increment, settings.mean_radius))
+            write_debug(debug.bubble, mask_nearest(debug.extended, increment, settings.nearest_bubble))
+            write_debug(debug.filtered, rolling_mean(debug.bubble, increment, settings.mean_radius))
         half = 0.5 * settings.field_of_view
-        first, end = beams_between(scan, len(ranges), -half, half)
+        first, end = beams_between(geometry, len(ranges), -half, half)
         bearings = np.empty(end - first)
         for beam in range(first, end):
-            bearings[beam - first] = bearing_of(scan, beam)
-        preferred = prioritise_centre(shown.filtered[first:end], bearings, settings.edge_weight)
+            bearings[beam - first] = bearing_of(geometry, beam)
+        preferred = prioritise_centre(debug.filtered[first:end], bearings, settings.edge_weight)
         if len(preferred) == 0:
             return math.nan, 0.0
         goal = greatest_beam(preferred)
         if preferred[goal] <= 0.0:
             return math.nan, 0.0
-        gap_first, gap_end = run_around(shown.filtered, first + goal, first, end)
-        keep_run(shown.gap, shown.filtered, gap_first, gap_end)
-        return bearings[goal], shown.filtered[first + goal]
+        gap_first, gap_end = run_around(debug.filtered, first + goal, first, end)
+        write_debug_run(debug.gap, debug.filtered, gap_first, gap_end)
+        return bearings[goal], debug.filtered[first + goal]

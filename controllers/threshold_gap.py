@@ -39,10 +39,10 @@ from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting, setting_of_method
 from .perception.gaps import middle_of, range_at, runs_beyond
-from .perception.intermediate_scans import IntermediateScans, keep_run
+from .perception.intermediate_scans import IntermediateScans, write_debug_run
 from .perception.scan_geometry import beams_between, bearing_of
 
-_WIDEST = 0  # the place of the word in `gap`
+_WIDEST = 0  # index of the word in `gap`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,17 +85,17 @@ class ThresholdGap(GoalPlanner):
     @staticmethod
     @kernel
     def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the bearing [rad] of the gap's middle and the distance [m] seen there; NaN without a gap."""
         half = 0.5 * settings.field_of_view
-        first, end = beams_between(scan, len(ranges), -half, half)
+        first, end = beams_between(geometry, len(ranges), -half, half)
         seen = ranges[first:end]
-        gaps = runs_beyond(seen, min(settings.threshold, 0.999 * scan.range_max), settings.least_readings)
+        gaps = runs_beyond(seen, min(settings.threshold, 0.999 * geometry.range_max), settings.least_readings)
         chosen = choose_gap(seen, gaps, settings)
         if chosen < 0:
             return math.nan, 0.0
         gap_first, gap_end = gaps[chosen, 0], gaps[chosen, 1]
-        keep_run(shown.gap, ranges, first + gap_first, first + gap_end)
-        place = middle_of(gap_first, gap_end)
-        return bearing_of(scan, first + place), range_at(seen, place)
+        write_debug_run(debug.gap, ranges, first + gap_first, first + gap_end)
+        position = middle_of(gap_first, gap_end)
+        return bearing_of(geometry, first + position), range_at(seen, position)

@@ -37,9 +37,9 @@ from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, Accepted, Record, setting
 from .control.steering import late_by, saturate
 from .perception.scan_filters import valid_ranges
-from .perception.scan_geometry import scan_record, sees
+from .perception.scan_geometry import geometry_record, sees
 
-_LEFT, _RIGHT, _BOTH = 0, 1, 2  # places of the words of `side`
+_LEFT, _RIGHT, _BOTH = 0, 1, 2  # indices of the words of `side`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,37 +58,37 @@ class WallFollowSettings(DrivingSettings):
 
 
 @kernel
-def reading_at(scan: Record, valid: FloatArray, bearing: float) -> float:
+def reading_at(geometry: Record, ranges: FloatArray, bearing: float) -> float:
     """Return the reading [m] of the beam nearest to a bearing [rad]; NaN without a return, or without a beam there."""
-    place = round((bearing - scan.angle_min) / scan.angle_increment)
-    if not 0 <= place < len(valid) or valid[place] >= scan.range_max:
+    beam = round((bearing - geometry.angle_min) / geometry.angle_increment)
+    if not 0 <= beam < len(ranges) or ranges[beam] >= geometry.range_max:
         return math.nan
-    return float(valid[place])
+    return float(ranges[beam])
 
 
 @kernel
-def wall_beside(scan: Record, valid: FloatArray, side: float, beam_angle: float) -> tuple[float, float]:
+def wall_beside(geometry: Record, ranges: FloatArray, side: float, beam_angle: float) -> tuple[float, float]:
     """Return the distance to the wall [m] and the angle by which the car turns away from it [rad]; NaN without a wall.
 
     Args:
-      scan: of type SCAN.
-      valid: readings without NaN or inf (n,) [m].
+      geometry: of type SCAN_GEOMETRY.
+      ranges: readings without NaN or inf (n,) [m].
       side: 1 left, -1 right.
       beam_angle: theta [rad].
     """
-    b = reading_at(scan, valid, side * 0.5 * math.pi)
-    a = reading_at(scan, valid, side * (0.5 * math.pi - beam_angle))
+    b = reading_at(geometry, ranges, side * 0.5 * math.pi)
+    a = reading_at(geometry, ranges, side * (0.5 * math.pi - beam_angle))
     alpha = math.atan2(a * math.cos(beam_angle) - b, a * math.sin(beam_angle))
     return b * math.cos(alpha), alpha
 
 
 @kernel
-def steering_towards(scan: Record, valid: FloatArray, side: float, settings: Record, way: float) -> float:
+def steering_towards(geometry: Record, ranges: FloatArray, side: float, settings: Record, way: float) -> float:
     """Return the steering angle [rad], towards the wall at that side (1 left, -1 right); NaN without a wall.
 
     `way` [m] is what the car drives until its wheels have turned, beyond that of the F1TENTH car.
     """
-    distance, alpha = wall_beside(scan, valid, side, settings.beam_angle)
+    distance, alpha = wall_beside(geometry, ranges, side, settings.beam_angle)
     error = distance + (settings.projection + way) * math.sin(alpha) - settings.desired_distance
     return float(settings.proportional_gain * error + settings.derivative_gain * math.sin(alpha))
 
@@ -106,7 +106,7 @@ class WallFollow(Planner):
     @staticmethod
     @kernel
     def reference(
-        scan: Record,
+        geometry: Record,
         ranges: FloatArray,
         odometry: Record,
         car: Record,
@@ -118,9 +118,9 @@ class WallFollow(Planner):
         left = right = math.nan
         way = late_by(car) * abs(odometry.speed)
         if settings.side != _RIGHT:
-            left = steering_towards(scan, ranges, 1.0, settings, way)
+            left = steering_towards(geometry, ranges, 1.0, settings, way)
         if settings.side != _LEFT:
-            right = steering_towards(scan, ranges, -1.0, settings, way)
+            right = steering_towards(geometry, ranges, -1.0, settings, way)
         if math.isnan(left) and math.isnan(right):
             steering_angle = 0.0
         elif math.isnan(left):
@@ -134,8 +134,8 @@ class WallFollow(Planner):
 
     def find_wall(self, scan: LaserScan, side: Literal["left", "right"]) -> tuple[float, float] | None:
         """Return the distance to the wall at a side [m] and the angle by which the car turns away from it [rad]."""
-        record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
-        if not sees(record, valid):
+        geometry, ranges = geometry_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
+        if not sees(geometry, ranges):
             return None
-        distance, alpha = wall_beside(record, valid, 1.0 if side == "left" else -1.0, self.settings.beam_angle)
+        distance, alpha = wall_beside(geometry, ranges, 1.0 if side == "left" else -1.0, self.settings.beam_angle)
         return None if math.isnan(distance) else (distance, alpha)

@@ -38,7 +38,7 @@ from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .perception.gaps import runs_beyond
-from .perception.intermediate_scans import IntermediateScans, keep, keep_run
+from .perception.intermediate_scans import IntermediateScans, write_debug, write_debug_run
 from .perception.scan_filters import widen_all
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -82,14 +82,14 @@ class WeightedGap(GoalPlanner):
     @staticmethod
     @kernel
     def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the heading [rad] and how far along it the goal lies [m]; NaN without a gap."""
-        keep(shown.extended, widen_all(ranges, scan.angle_increment, 0.5 * car.width + settings.clearance))
+        write_debug(debug.extended, widen_all(ranges, geometry.angle_increment, 0.5 * car.width + settings.clearance))
         half = 0.5 * settings.field_of_view
-        first, end = beams_between(scan, len(ranges), -half, half)
-        seen = shown.extended[first:end]
-        gaps = runs_beyond(seen, min(settings.horizon, 0.999 * scan.range_max), 1)
+        first, end = beams_between(geometry, len(ranges), -half, half)
+        seen = debug.extended[first:end]
+        gaps = runs_beyond(seen, min(settings.horizon, 0.999 * geometry.range_max), 1)
         if len(gaps) == 0:
             return math.nan, 0.0
         widest = 0
@@ -97,9 +97,9 @@ class WeightedGap(GoalPlanner):
             if gaps[gap, 1] - gaps[gap, 0] > gaps[widest, 1] - gaps[widest, 0]:
                 widest = gap
         gap_first, gap_end = gaps[widest, 0], gaps[widest, 1]
-        keep_run(shown.gap, shown.extended, first + gap_first, first + gap_end)
+        write_debug_run(debug.gap, debug.extended, first + gap_first, first + gap_end)
         right, left = max(gap_first - 1, 0), min(gap_end, len(seen) - 1)
         right_distance, left_distance = min(seen[right], settings.horizon), min(seen[left], settings.horizon)
-        right_bearing, left_bearing = bearing_of(scan, first + right), bearing_of(scan, first + left)
+        right_bearing, left_bearing = bearing_of(geometry, first + right), bearing_of(geometry, first + left)
         centre = gap_centre(right_bearing, right_distance, left_bearing, left_distance)
         return blended(centre, 0.0, np.min(seen), settings.alpha), settings.pursuit_distance

@@ -36,7 +36,7 @@ from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, sett
 from .perception.gaps import chord, furthest_beam
 from .perception.intermediate_scans import IntermediateScans
 from .perception.scan_filters import valid_ranges
-from .perception.scan_geometry import beams_between, bearing_of, scan_record, sees
+from .perception.scan_geometry import beams_between, bearing_of, geometry_record, sees
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,30 +54,30 @@ class WidestGapSettings(DrivingSettings):
 
 
 @kernel
-def widest_gap(valid: FloatArray, first: int, end: int, angle_increment: float, least_jump: float) -> int:
-    """Return the right one of the two beams of the widest gap between `valid[first:end]`; -1 where there is none."""
-    widest, place = -1.0, -1
+def widest_gap(ranges: FloatArray, first: int, end: int, angle_increment: float, least_jump: float) -> int:
+    """Return the right one of the two beams of the widest gap between `ranges[first:end]`; -1 where there is none."""
+    widest, gap = -1.0, -1
     for beam in range(first, end - 1):
-        a, b = valid[beam], valid[beam + 1]
+        a, b = ranges[beam], ranges[beam + 1]
         if abs(b - a) > least_jump:
             width = chord(a, b, angle_increment)
             if width > widest:
-                widest, place = width, beam
-    return place
+                widest, gap = width, beam
+    return gap
 
 
 @kernel
-def find_gap(scan: Record, valid: FloatArray, settings: Record) -> tuple[int, int, int]:
+def find_gap(geometry: Record, ranges: FloatArray, settings: Record) -> tuple[int, int, int]:
     """Return the right one of the two beams of the widest gap, or -1; and the beams looked at: first, and last + 1."""
     half = 0.5 * settings.field_of_view
-    first, end = beams_between(scan, len(valid), -half, half)
-    return widest_gap(valid, first, end, scan.angle_increment, settings.least_jump), first, end
+    first, end = beams_between(geometry, len(ranges), -half, half)
+    return widest_gap(ranges, first, end, geometry.angle_increment, settings.least_jump), first, end
 
 
 @kernel
-def centre_of(scan: Record, valid: FloatArray, gap: int) -> tuple[float, float]:
+def centre_of(geometry: Record, ranges: FloatArray, gap: int) -> tuple[float, float]:
     """Return the middle of the two points of a gap as the LiDAR sees it: x and y [m] in the car's directions."""
-    a, b, alpha, beta = valid[gap], valid[gap + 1], bearing_of(scan, gap), bearing_of(scan, gap + 1)
+    a, b, alpha, beta = ranges[gap], ranges[gap + 1], bearing_of(geometry, gap), bearing_of(geometry, gap + 1)
     x = 0.5 * (a * math.cos(alpha) + b * math.cos(beta))
     return x, 0.5 * (a * math.sin(alpha) + b * math.sin(beta))
 
@@ -91,16 +91,16 @@ class WidestGap(GoalPlanner):
     @staticmethod
     @kernel
     def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the bearing [rad] and distance [m] to drive to; NaN where there is none."""
-        gap, first, end = find_gap(scan, ranges, settings)
+        gap, first, end = find_gap(geometry, ranges, settings)
         if gap < 0:
             furthest = furthest_beam(ranges, first, end)
             if furthest < 0 or ranges[furthest] <= 0.0:
                 return math.nan, 0.0
-            return bearing_of(scan, furthest), ranges[furthest]
-        x, y = centre_of(scan, ranges, gap)
+            return bearing_of(geometry, furthest), ranges[furthest]
+        x, y = centre_of(geometry, ranges, gap)
         if settings.method == SOURCE:
             return math.atan2(y, x), math.hypot(x, y)
         a, b = ranges[gap], ranges[gap + 1]
@@ -109,11 +109,11 @@ class WidestGap(GoalPlanner):
 
     def find_centre(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the centre of the widest gap in the car frame, of base_link: x and y [m]; None without a gap."""
-        record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
-        gap = find_gap(record, valid, self.settings_row[0])[0] if sees(record, valid) else -1
+        geometry, ranges = geometry_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
+        gap = find_gap(geometry, ranges, self.settings_row[0])[0] if sees(geometry, ranges) else -1
         if gap < 0:
             return None
-        x, y = centre_of(record, valid, gap)
+        x, y = centre_of(geometry, ranges, gap)
         return x + float(self.driver["car"]["lidar_offset"][0]), y
 
     def goal_in_map(self, scan: LaserScan, odometry: Odometry) -> tuple[float, float] | None:

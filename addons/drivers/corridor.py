@@ -1,6 +1,6 @@
 """The ground along which a course leads from a place that the LiDAR sees, and how much room is to both sides.
 
-    count = ground_points(scan, ranges, points)
+    count = ground_points(geometry, ranges, points)
     walked = walk(points, count, x, y, heading, path)
 
 A walk goes on from a place in the direction of a heading by steps of `STEP`, and keeps its share of the width: a car
@@ -37,17 +37,17 @@ _SLOPE = 0.6  # of a step: greatest motion across it
 
 
 @kernel
-def ground_points(scan: Record, ranges: FloatArray, points: FloatArray) -> int:
+def ground_points(geometry: Record, ranges: FloatArray, points: FloatArray) -> int:
     """Write where beams end, ahead and left of the LiDAR, and points between those that are apart; return how many.
 
     Args:
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       points: (MOST_POINTS, 2) [m], written to.
     """
     count, last_x, last_y = 0, math.nan, math.nan
     for beam in range(0, len(ranges), _EVERY):
-        bearing, distance = bearing_of(scan, beam), min(ranges[beam], _FARTHEST)
+        bearing, distance = bearing_of(geometry, beam), min(ranges[beam], _FARTHEST)
         x, y = distance * math.cos(bearing), distance * math.sin(bearing)
         jump = math.hypot(x - last_x, y - last_y)
         between = int(jump / _APART) if jump > _APART else 0

@@ -175,15 +175,15 @@ def learning_row(car: CarParameters, settings: FrictionLearningSettings | None =
     least = min(car.front_peak, car.rear_peak)
     uses = np.linspace(0.0, _WIDEST, _POINTS)
     for axle in ("front", "rear"):
-        if slip["soft"] and math.isfinite(least):
+        if slip["needs_slip_angle"] and math.isfinite(least):
             row[f"{axle}_slip"] = [_slip_at(slip[axle], use * least) for use in uses.tolist()]
-        elif slip["soft"]:  # linear: the friction that is told is the set's, and there is no peak
+        elif slip["needs_slip_angle"]:  # linear: the friction that is told is the set's, and there is no peak
             row[f"{axle}_slip"] = uses / float(slip[axle]["B"])
         else:
             beyond = np.maximum(uses - 1.0, 0.0)
             row[f"{axle}_slip"] = (uses + (_STEEPNESS - 1.0) * beyond) / settings.stiffness
     row["compliance"] = 0.5 * (row["front_slip"][:, 1] + row["rear_slip"][:, 1]) / uses[1]
-    row["relaxation_length"] = car.relaxation_length if slip["soft"] else settings.relaxation_length
+    row["relaxation_length"] = car.relaxation_length if slip["needs_slip_angle"] else settings.relaxation_length
     load = 0.25 * car.mass * car.gravity
     stiffness = load / (row["compliance"] * row["relaxation_length"])  # [N/m] of a tire, at friction 1
     row["damping_time"] = 2.0 * settings.damping_ratio * np.sqrt(car.wheel_inertia / stiffness) / car.wheel_radius
@@ -536,27 +536,27 @@ _LEARNS = np.dtype([("learning", LEARNING), ("learned", LEARNED)])
 
 @kernel
 def _learn(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Learn from the odometry, and let the planner use the friction and the true steering angle.
 
     Arguments are as in control.stages.
     """
-    driver, learned = driven.driver, own.learned
-    learn(own.learning, learned, driver.car, driven.odometry, period_of(scan))
+    driver, learned = tick.driver, stage_state.learned
+    learn(stage_state.learning, learned, driver.car, tick.odometry, period_of(geometry))
     row = trajectories[driver.trajectories + learned.level].limiter
     driver.limiter = row
     use_friction(driver.limiter, row, learned.mu)
     driver.stops = learned.stops
-    driven.odometry.steering_angle = true_steering(learned, driven.odometry.steering_angle)
+    tick.odometry.steering_angle = true_steering(learned, tick.odometry.steering_angle)
 
 
 @kernel
 def _correct(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Correct the command for the error of the steering; arguments as in control.stages."""
-    command[0] = saturate(commanded_steering(own.learned, command[0]), driven.driver.car.max_steering_angle)
+    command[0] = saturate(commanded_steering(stage_state.learned, command[0]), tick.driver.car.max_steering_angle)
 
 
 def _first(planner: Planner) -> NDArray[np.void]:
@@ -568,7 +568,7 @@ def _first(planner: Planner) -> NDArray[np.void]:
 
 LEARN = Stage(
     text="the planner is not told the friction: it starts at 0.4 and learns it", needs=("limiter",),
-    needs_friction=True, before_guidance=_learn, after_driving=_correct, own=_LEARNS, first=_first,
+    needs_friction=True, before_guidance=_learn, after_driving=_correct, state_type=_LEARNS, first=_first,
     frictions=tuple(levels().tolist()),
 )  # fmt: skip
 """The stage `learn`: the planner is not told the friction."""

@@ -37,7 +37,7 @@ import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.slip import arc_angle, course_angle, slip_angle, steady_arc, steered, tightest_arc
+from fg_mujoco.controllers.control.slip import arc_angle, slip_angle, steady_arc, steered, tightest_arc, velocity_angle
 from fg_mujoco.controllers.control.speed import friction_steering, share_of_way
 from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.steering import late_by, saturate
@@ -100,19 +100,19 @@ def plan_steering(
     """
     car, slip = driver.car, driver.limiter.slip
     now = min(abs(odometry.speed), car.max_speed)
-    angle = arc_angle(slip, car, odometry.steering_angle, now) if slip.soft else odometry.steering_angle
+    angle = arc_angle(slip, car, odometry.steering_angle, now) if slip.needs_slip_angle else odometry.steering_angle
     share = share_of_way(period, car.steering_time_constant + car.command_delay)
     begin = _place_at_command(odometry, car, angle, mpc)
     ahead = np.empty((STEPS + 1, 6))
     aside, turned = _look_ahead(line, nearest, begin, now, driver, ahead)
-    size = 5 if slip.soft else 3
+    size = 5 if slip.needs_slip_angle else 3
     start = np.zeros(size)
     start[0], start[1], start[size - 1] = aside, turned, begin[3] - ahead[0, _ANGLE]
-    if slip.soft:
+    if slip.needs_slip_angle:
         start[3] = odometry.angular_velocity[2]
-        start[2] = now * course_angle(slip, car, now, start[3]) + car.rear_axle_distance * start[3]
+        start[2] = now * velocity_angle(slip, car, now, start[3]) + car.rear_axle_distance * start[3]
     a, b, c = np.zeros((STEPS, size, size)), np.zeros((STEPS, size)), np.zeros((STEPS, size))
-    if slip.soft:
+    if slip.needs_slip_angle:
         _single_track(ahead, driver, a, b, c)
     else:
         _kinematic(ahead, car, a, b, c)
@@ -198,8 +198,8 @@ def _look_ahead(
     cos, sin = math.cos(along), math.sin(along)
     aside = cos * (y - line[nearest, Y]) - sin * (x - line[nearest, X])
     beyond = cos * (x - line[nearest, X]) + sin * (y - line[nearest, Y])
-    braking = driver.limiter.braking if driver.held else car.max_acceleration
-    accelerating = driver.limiter.accelerating if driver.held else car.max_acceleration
+    braking = driver.limiter.braking if driver.has_limiter else car.max_acceleration
+    accelerating = driver.limiter.accelerating if driver.has_limiter else car.max_acceleration
     point, speed = nearest, max(now, _SLOWEST)
     last, turned = along, 0.0
     for k in range(STEPS + 1):
@@ -220,7 +220,7 @@ def _look_ahead(
         ahead[k, _SPEED_AT], ahead[k, _CURVATURE] = speed, math.tan(angle) / car.wheelbase
         ahead[k, _RIGHT] = max(line[point, RIGHT], line[after, RIGHT])
         ahead[k, _LEFT] = min(line[point, LEFT], line[after, LEFT])
-        ahead[k, _ANGLE] = steady_arc(slip, car, angle, speed) if slip.soft else angle
+        ahead[k, _ANGLE] = steady_arc(slip, car, angle, speed) if slip.needs_slip_angle else angle
         target = line[next_point(line, point, 1), SPEED]
         reached = max(_SLOWEST, min(max(target, speed - braking * DT), speed + accelerating * DT))
         beyond += 0.5 * (speed + reached) * DT
@@ -341,14 +341,14 @@ def _bound(
         fastest, lock = car.max_steering_rate, car.max_steering_angle
         most = 2.0 * fastest
         least = -most
-        if driver.held:
+        if driver.has_limiter:
             settings = limiter.settings
             response = settings.steering_response * per_angle
             fastest *= min(response, 1.0)
             use = settings.lateral_use * (settings.lateral_use_in_braking if ahead[k + 1, _SPEED_AT] < speed else 1.0)
             held = friction_steering(ahead[k + 1, _SPEED_AT], limiter.mu * use, car.wheelbase, car.gravity)
             lock = min(lock, held)
-            if limiter.slip.soft:
+            if limiter.slip.needs_slip_angle:
                 lock = min(lock, tightest_arc(limiter.slip, ahead[k + 1, _SPEED_AT]))
             bent, slope = math.tan(angle), 1.0 / math.cos(angle) ** 2
             by_left = settings.turn_in_use * response * car.wheelbase / (limiter.yaw_lag * speed)
@@ -368,18 +368,18 @@ def _bound(
 
 @kernel
 def _track(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Steer by a plan near the line, and slow where it leaves the room there; arguments as in stages."""
-    driver, reference = driven.driver, driven.reference
-    planned, own.planned = own.planned, False
+    driver, reference = tick.driver, tick.reference
+    planned, stage_state.planned = stage_state.planned, False
     if is_ahead(reference) and reference.off_line < (ROOM if planned else OFF_LINE):
-        own.planned, line = planned, own_line(driver, lines)
+        stage_state.planned, line = planned, own_line(driver, lines)
         reference.steering_angle, speed, reference.plan = plan_steering(
-            line, reference.point, driven.odometry, driver, period_of(scan), own
+            line, reference.point, tick.odometry, driver, period_of(geometry), stage_state
         )
         reference.speed, reference.own_speed = min(reference.speed, speed), min(reference.own_speed, speed)
 
 
-TRACK = Stage(after_reference=_track, own=MPC)
+TRACK = Stage(after_reference=_track, state_type=MPC)
 """The tracker as a stage of driving, by which pure pursuit steers along its line."""

@@ -152,7 +152,7 @@ def limit_speeds(
     for point in range(count):
         if bend[point] != 0.0:
             corner = math.sqrt(cornering_use * limiter.lateral / abs(bend[point]))
-            if limiter.slip.soft:
+            if limiter.slip.needs_slip_angle:
                 arc = math.atan(limiter.car.wheelbase * abs(bend[point]) / cornering_use)
                 corner = min(corner, fastest_on(limiter.slip, arc))
             table[point, SPEED] = min(table[point, SPEED], corner)

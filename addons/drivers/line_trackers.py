@@ -9,7 +9,7 @@
   integral of e^2 / L^4 + u^2 is u = -e / L^2 - sqrt(2) a / L in closed form. L grows with the speed and with how late
   the car answers.
 - `map`: model- and acceleration-based pursuit. The arc through a goal on the line at the distance L asks for a lateral
-  acceleration a = 2 v^2 sin(n) / L; n is the angle from the course, where the rear axle moves, to the goal. The
+  acceleration a = 2 v^2 sin(n) / L; n is the angle from the velocity of the rear axle to the goal. The
   steering angle for it is looked up in the steady curves of the car on its tires (slip.steady_arc). The course differs
   from the heading by the rear slip angle of a steady curve along the line. Where tires need no slip angles, this is
   pure pursuit that joins the line as the other trackers do.
@@ -29,7 +29,7 @@ import math
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.slip import course_angle, steady_arc
+from fg_mujoco.controllers.control.slip import steady_arc, velocity_angle
 from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.control.tracking import LAG
@@ -125,10 +125,10 @@ def map_steering(
       car: of type CAR.
       slip: of type SLIP.
     """
-    if not slip.soft:
+    if not slip.needs_slip_angle:
         return pursue(bearing, distance, 0.0, car.wheelbase)
-    course = course_angle(slip, car, speed, speed * curvature_at(line, nearest))
-    return steady_arc(slip, car, pursue(bearing - course, distance, 0.0, car.wheelbase), speed)
+    direction = velocity_angle(slip, car, speed, speed * curvature_at(line, nearest))
+    return steady_arc(slip, car, pursue(bearing - direction, distance, 0.0, car.wheelbase), speed)
 
 
 @kernel
@@ -145,37 +145,37 @@ def is_ahead(reference: Record) -> bool:
 
 @kernel
 def _track_by_stanley(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Steer by Stanley's law near the line; arguments as in stages."""
-    driver, reference = driven.driver, driven.reference
+    driver, reference = tick.driver, tick.reference
     if is_ahead(reference) and reference.off_line < OFF_LINE:
-        line, point, (x, y, heading) = own_line(driver, lines), reference.point, driven.odometry.pose
-        now = min(abs(driven.odometry.speed), driver.car.max_speed)
+        line, point, (x, y, heading) = own_line(driver, lines), reference.point, tick.odometry.pose
+        now = min(abs(tick.odometry.speed), driver.car.max_speed)
         reference.steering_angle = stanley_steering(line, point, x, y, heading, now, driver.car)
 
 
 @kernel
 def _track_by_lqr(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Steer by the regulator near the line; arguments as in stages."""
-    driver, reference = driven.driver, driven.reference
+    driver, reference = tick.driver, tick.reference
     if is_ahead(reference) and reference.off_line < OFF_LINE:
-        line, point, (x, y, heading) = own_line(driver, lines), reference.point, driven.odometry.pose
-        now = min(abs(driven.odometry.speed), driver.car.max_speed)
+        line, point, (x, y, heading) = own_line(driver, lines), reference.point, tick.odometry.pose
+        now = min(abs(tick.odometry.speed), driver.car.max_speed)
         reference.steering_angle = lqr_steering(line, point, x, y, heading, now, driver.car)
 
 
 @kernel
 def _track_by_map(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Steer by model- and acceleration-based pursuit; arguments as in stages."""
-    driver, reference = driven.driver, driven.reference
+    driver, reference = tick.driver, tick.reference
     if is_ahead(reference):
         line, point = own_line(driver, lines), reference.point
-        now = min(abs(driven.odometry.speed), driver.car.max_speed)
+        now = min(abs(tick.odometry.speed), driver.car.max_speed)
         reference.steering_angle = map_steering(
             line, point, reference.bearing, reference.distance, now, driver.car, driver.limiter.slip
         )

@@ -101,22 +101,22 @@ OTHER_CARS = np.dtype(
 
 
 @kernel
-def watch_cars(memory: Record, scan: Record, ranges: FloatArray, odometry: Record, lidar_offset: float) -> bool:
+def watch_cars(memory: Record, geometry: Record, ranges: FloatArray, odometry: Record, lidar_offset: float) -> bool:
     """Follow what is in a scan, and say whether there is a car.
 
     Args:
       memory: of type OTHER_CARS, written to.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       lidar_offset: of the LiDAR ahead of the rear axle [m].
     """
-    period = period_of(scan)
+    period = period_of(geometry)
     if not _move(memory, odometry, period, lidar_offset):
         return False
     found = np.empty((_FOUND, 2))
-    noise = noise_of(ranges, scan.range_max)
-    count = find_boxes(scan, ranges, max(noise, _LEAST_NOISE), found)
+    noise = noise_of(ranges, geometry.range_max)
+    count = find_boxes(geometry, ranges, max(noise, _LEAST_NOISE), found)
     cos, sin = math.cos(memory.heading), math.sin(memory.heading)
     for k in range(count):
         ahead, left = found[k]
@@ -125,7 +125,7 @@ def watch_cars(memory: Record, scan: Record, ranges: FloatArray, odometry: Recor
     for moves in (True, False):  # cars first: what is seen near one is a part of it
         for car in memory.cars:
             if car.age > 0 and car.moves == moves:
-                _follow(memory, car, found, count, noise, period, scan, ranges)
+                _follow(memory, car, found, count, noise, period, geometry, ranges)
                 any_moves = any_moves or (car.moves and car.age > 0)
     for k in range(count):
         if not math.isnan(found[k, 0]):
@@ -164,7 +164,9 @@ def is_told(told: Record, odometry: Record) -> bool:
 
 
 @kernel
-def follow_told(memory: Record, told: Record, scan: Record, ranges: FloatArray, odometry: Record, car: Record) -> bool:
+def follow_told(
+    memory: Record, told: Record, geometry: Record, ranges: FloatArray, odometry: Record, car: Record
+) -> bool:
     """Have the cars that were told of as those that are followed, and say whether there is one.
 
     They are where they go from where they were, when that was measured, at a constant speed and turn rate. One counts
@@ -173,12 +175,12 @@ def follow_told(memory: Record, told: Record, scan: Record, ranges: FloatArray, 
     Args:
       memory: of type OTHER_CARS, written to.
       told: of type TOLD, written to.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY, with a pose on the map.
       car: parameters of the planner's car, which the others are taken to have.
     """
-    period, age = period_of(scan), odometry.stamp - told.stamp
+    period, age = period_of(geometry), odometry.stamp - told.stamp
     if not _move(memory, odometry, period, car.lidar_offset):
         told.follows = False
         return False
@@ -196,9 +198,9 @@ def follow_told(memory: Record, told: Record, scan: Record, ranges: FloatArray, 
         dy = y + way * math.sin(heading + 0.5 * turn) + to_middle * math.sin(heading + turn) - own_y
         ahead, left = cos * dx + sin * dy - car.lidar_offset, cos * dy - sin * dx
         far, bearing = math.hypot(ahead, left), math.atan2(left, ahead)
-        in_sight = far < _FARTHEST and _ends_beyond(scan, ranges, bearing, far - _REACHED)
+        in_sight = far < _FARTHEST and _ends_beyond(geometry, ranges, bearing, far - _REACHED)
         told.unseen[k] = 0.0 if in_sight else told.unseen[k] + period
-        near = far < _NEAR and not _ends_beyond(scan, ranges, bearing, -math.inf)
+        near = far < _NEAR and not _ends_beyond(geometry, ranges, bearing, -math.inf)
         place = told.places[k] - 1
         stays = told.unseen[k] == 0.0 or (place >= 0 and (told.unseen[k] <= _FORGOTTEN or near))
         if not (stays and math.isfinite(ahead + left + speed + yaw_rate)):
@@ -232,18 +234,18 @@ def _forget(memory: Record) -> None:
 @kernel
 def _free_place(memory: Record) -> int:
     """Return a place for one more car; -1: there is none."""
-    for place in range(MOST_CARS):
-        if memory.cars[place].age == 0:
-            return place
+    for index in range(MOST_CARS):
+        if memory.cars[index].age == 0:
+            return index
     return -1
 
 
 @kernel
-def find_boxes(scan: Record, ranges: FloatArray, noise: float, found: FloatArray) -> int:
+def find_boxes(geometry: Record, ranges: FloatArray, noise: float, found: FloatArray) -> int:
     """Write where the middles of what may be boxes are, ahead and left of the LiDAR [m]; return how many.
 
     Args:
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       noise: their standard deviation [m].
       found: (k, 2), written to.
@@ -255,11 +257,11 @@ def find_boxes(scan: Record, ranges: FloatArray, noise: float, found: FloatArray
         if abs(step) <= edge:
             continue
         last = beam - 1
-        width = (last - first + 1) * scan.angle_increment * 0.5 * (ranges[first] + ranges[last])
+        width = (last - first + 1) * geometry.angle_increment * 0.5 * (ranges[first] + ranges[last])
         stands_out = first > 0 and before < _NEXT and step > -_NEXT and (before < 0.0 or step > 0.0)
         is_box = stands_out and ranges[first] < _FARTHEST and _LEAST_WIDTH < width < WIDEST and count < len(found)
         if is_box and _ends_at_edges(ranges, first, last, noise):
-            bearing, distance = bearing_of(scan, 0.5 * (first + last)), ranges[(first + last) // 2] + BEHIND
+            bearing, distance = bearing_of(geometry, 0.5 * (first + last)), ranges[(first + last) // 2] + BEHIND
             found[count, 0], found[count, 1] = distance * math.cos(bearing), distance * math.sin(bearing)
             count += 1
         first, before = beam, step
@@ -292,7 +294,7 @@ def _ends_at_edges(ranges: FloatArray, first: int, last: int, noise: float) -> b
 
 @kernel
 def _follow(
-    memory: Record, car: Record, found: FloatArray, count: int, noise: float, period: float, scan: Record,
+    memory: Record, car: Record, found: FloatArray, count: int, noise: float, period: float, geometry: Record,
     ranges: FloatArray,
 ) -> None:  # fmt: skip
     """Take a thing on by one tick, and to the nearest of `found` [m]; what it may have is taken from there."""
@@ -306,8 +308,8 @@ def _follow(
     if nearest < 0:
         car.unseen += period
         patience = _FORGOTTEN if car.moves else _FORGOTTEN_IN_VIEW
-        if car.moves and _is_in_view(memory, car, scan, ranges):
-            if abs(bearing_to(memory, car)) > min(-scan.angle_min, bearing_of(scan, len(ranges) - 1)) - _RIM:
+        if car.moves and _is_in_view(memory, car, geometry, ranges):
+            if abs(bearing_to(memory, car)) > min(-geometry.angle_min, bearing_of(geometry, len(ranges) - 1)) - _RIM:
                 car.x -= car.vx * period  # it has not come into view yet, and so is slower
                 car.y -= car.vy * period
                 car.vx *= _SLOWING
@@ -361,15 +363,15 @@ def bearing_to(memory: Record, car: Record) -> float:
 
 
 @kernel
-def _is_in_view(memory: Record, car: Record, scan: Record, ranges: FloatArray) -> bool:
+def _is_in_view(memory: Record, car: Record, geometry: Record, ranges: FloatArray) -> bool:
     """Return whether a car would be seen where it is expected: a beam ends beyond it."""
-    return _ends_beyond(scan, ranges, bearing_to(memory, car), math.hypot(car.x - memory.x, car.y - memory.y))
+    return _ends_beyond(geometry, ranges, bearing_to(memory, car), math.hypot(car.x - memory.x, car.y - memory.y))
 
 
 @kernel
-def _ends_beyond(scan: Record, ranges: FloatArray, bearing: float, distance: float) -> bool:
+def _ends_beyond(geometry: Record, ranges: FloatArray, bearing: float, distance: float) -> bool:
     """Return whether there is a beam at a bearing [rad], and it ends beyond a distance [m]."""
-    place = round((bearing - scan.angle_min) / scan.angle_increment)
+    place = round((bearing - geometry.angle_min) / geometry.angle_increment)
     if not 0 <= place < len(ranges):
         return False
     return bool(ranges[int(place)] > distance)

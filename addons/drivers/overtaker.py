@@ -28,12 +28,13 @@ from fg_mujoco.controllers.control.assist import SAFE
 from fg_mujoco.controllers.control.driving import refer_to_goal
 from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
-from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, keep
+from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, write_debug
+from fg_mujoco.controllers.perception.scan_filters import copy_ranges
 from fg_mujoco.controllers.perception.scan_geometry import sees
 from fg_mujoco.controllers.safety.predictions import (
     MOST_CARS,
     hide_targets,
-    place_of,
+    position_of,
     separate,
     track,
     write_predictions,
@@ -41,7 +42,7 @@ from fg_mujoco.controllers.safety.predictions import (
 from fg_mujoco.messages import FloatArray, Reading
 
 from .other_cars import WIDEST, follow_told, is_told, read_told, watch_cars
-from .passing import FOLLOWS, RACING, STANDS_FOR, choose, place_on, predict_cars, take_lane
+from .passing import FOLLOWS, RACING, STANDS_FOR, choose, pose_on, predict_cars, take_lane
 
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
 _STEPS = 24  # of a stop
@@ -77,7 +78,7 @@ class Overtaker(GapFinder):
     """The gap finder among other cars."""
 
     Settings = OvertakerSettings
-    assists = {"full": (*SAFE, "guidance")}  # noqa: RUF012 - on a known line it would not look out for other cars
+    assists = {"full": (*SAFE, "guidance")}  # noqa: RUF012 - on a remembered line it would not look out for other cars
     memory_type = RACING
     hides_cars = True
 
@@ -90,58 +91,59 @@ class Overtaker(GapFinder):
     @staticmethod
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
-        scan, odometry, running, own, driven, lines, valid, shown
+        geometry, odometry, running, planner_states, ticks, lines, ranges, debug
     ):
         """Write the references of all running worlds, and for each the scan with cars as drawn and that without."""
-        scans = IntermediateScans(shown[0], shown[1], shown[2], shown[3])
+        scans = IntermediateScans(debug[0], debug[1], debug[2], debug[3])
         count = len(running)
         for world in range(count):
             if running[world]:
-                drawn, without, clear = valid[world], valid[count + world], valid[2 * count + world]
-                keep(without, drawn)
-                driver, bearing, distance = driven[world].driver, math.nan, 0.0
+                drawn, without, ranges_without_movers = ranges[world], ranges[count + world], ranges[2 * count + world]
+                copy_ranges(without, drawn)
+                driver, bearing, distance = ticks[world].driver, math.nan, 0.0
                 limit, among = math.inf, False
-                predictions = driven[world].memory.predictions
-                if sees(scan[0], drawn):
-                    memory, settings = own[world].memory, own[world].settings
+                predictions = ticks[world].memory.predictions
+                if sees(geometry[0], drawn):
+                    memory, settings = planner_states[world].memory, planner_states[world].settings
                     if is_told(memory.told, odometry[world]):
-                        among = follow_told(memory.seen, memory.told, scan[0], drawn, odometry[world], driver.car)
+                        among = follow_told(memory.seen, memory.told, geometry[0], drawn, odometry[world], driver.car)
                     else:
                         memory.told.follows = False
-                        among = watch_cars(memory.seen, scan[0], drawn, odometry[world], driver.car.lidar_offset)
-                    draw_standing(memory, scan[0], drawn, driver.car, settings.car_margin)
-                    keep(without, drawn)
+                        among = watch_cars(memory.seen, geometry[0], drawn, odometry[world], driver.car.lidar_offset)
+                    draw_standing(memory, geometry[0], drawn, driver.car, settings.car_margin)
+                    copy_ranges(without, drawn)
                     if among:
-                        hide_cars(memory, scan[0], without)
-                        keep(drawn, without)
-                        limit = choose(memory, scan[0], without, driver.car, settings)
-                        draw_cars(memory, scan[0], drawn, odometry[world].speed, driver.car, settings)
-                    moves = track(scan[0], without, odometry[world], driver, predictions)
+                        hide_cars(memory, geometry[0], without)
+                        copy_ranges(drawn, without)
+                        limit = choose(memory, geometry[0], without, driver.car, settings)
+                        draw_cars(memory, geometry[0], drawn, odometry[world].speed, driver.car, settings)
+                    moves = track(geometry[0], without, odometry[world], driver, predictions)
                     if among:
-                        keep(clear, without)
+                        copy_ranges(ranges_without_movers, without)
                     if moves and leave_cars_out(memory.seen, predictions):
-                        separate(scan[0], without, clear, predictions)
+                        separate(geometry[0], without, ranges_without_movers, predictions)
                         hide_targets(predictions.targets, drawn)
                     if among and driver.prediction:
                         predict_cars(memory, driver.car, settings.braking, predictions)
-                    keep(scans.filtered, drawn)
-                    bearing, distance = _find_goal(scan[0], drawn, driver.car, settings, scans)
-                reference = driven[world].reference
-                refer_to_goal(scan[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
+                    write_debug(scans.filtered, drawn)
+                    bearing, distance = _find_goal(geometry[0], drawn, driver.car, settings, scans)
+                reference = ticks[world].reference
+                refer_to_goal(geometry[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
                 reference.limit = limit
                 if among:
-                    take_lane(own[world].memory, odometry[world].speed, driver, own[world].settings, reference)
-                    if reference.places > 0:
-                        keep(drawn, without)
+                    state = planner_states[world]
+                    take_lane(state.memory, odometry[world].speed, driver, state.settings, reference)
+                    if reference.lane_points > 0:
+                        copy_ranges(drawn, without)
 
 
 @kernel
-def draw_standing(memory: Record, scan: Record, ranges: FloatArray, parameters: Record, margin: float) -> None:
+def draw_standing(memory: Record, geometry: Record, ranges: FloatArray, parameters: Record, margin: float) -> None:
     """Shorten beams (n,) [m] to what stands and may be a car, once cars have been met: a box is less than all of it.
 
     Args:
       memory: of type RACING, whose `met` is written to.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings, written to.
       parameters: of a car.
       margin: round a car whose heading is known [m].
@@ -154,9 +156,9 @@ def draw_standing(memory: Record, scan: Record, ranges: FloatArray, parameters: 
             car = seen.cars[k]
             ahead, left = _seen_from(seen, car.x, car.y)
             if car.age >= _STANDS and not car.moves:
-                draw_disc(scan, ranges, ahead, left, _STANDING)
+                draw_disc(geometry, ranges, ahead, left, _STANDING)
             elif car.age > 0 and car.moves and memory.passing[k].stood > STANDS_FOR:
-                _draw_car(scan, ranges, ahead, left, car.heading - seen.heading, parameters, margin)
+                _draw_car(geometry, ranges, ahead, left, car.heading - seen.heading, parameters, margin)
 
 
 @kernel
@@ -173,7 +175,7 @@ def leave_cars_out(memory: Record, predictions: Record) -> bool:
         if target.age > 0 and target.moves:
             along = abs(cos * target.vx + sin * target.vy)
             of_car = target.size < 0.5 * WIDEST or along > _ALONG * math.hypot(target.vx, target.vy)
-            x, y = place_of(seen, target)
+            x, y = position_of(seen, target)
             for car in memory.cars:
                 ahead, left = _seen_from(memory, car.x, car.y)
                 of_car = of_car or (car.age > 0 and math.hypot(ahead - x, left - y) < _OF_CAR)
@@ -183,25 +185,25 @@ def leave_cars_out(memory: Record, predictions: Record) -> bool:
 
 
 @kernel
-def hide_cars(memory: Record, scan: Record, ranges: FloatArray) -> None:
+def hide_cars(memory: Record, geometry: Record, ranges: FloatArray) -> None:
     """Lengthen the beams (n,) [m] that end on cars to what is next to them; `memory` is of type RACING."""
     count, seen = len(ranges), memory.seen
-    for place in range(MOST_CARS):
-        car = seen.cars[place]
-        if car.age == 0 or not car.moves or memory.passing[place].stood > STANDS_FOR:
+    for index in range(MOST_CARS):
+        car = seen.cars[index]
+        if car.age == 0 or not car.moves or memory.passing[index].stood > STANDS_FOR:
             continue
         ahead, left = _seen_from(seen, car.x, car.y)
         far = math.hypot(ahead, left)
-        middle = round((math.atan2(left, ahead) - scan.angle_min) / scan.angle_increment)
-        half = math.ceil(math.asin(min(_HIDDEN / max(far, _HIDDEN), 1.0)) / scan.angle_increment)
+        middle = round((math.atan2(left, ahead) - geometry.angle_min) / geometry.angle_increment)
+        half = math.ceil(math.asin(min(_HIDDEN / max(far, _HIDDEN), 1.0)) / geometry.angle_increment)
         first, end = max(middle - half, 0), min(middle + half + 1, count)
         beam = first
         while beam < end:
-            if not _ends_near(scan, ranges, beam, ahead, left):
+            if not _ends_near(geometry, ranges, beam, ahead, left):
                 beam += 1
                 continue
             last = beam
-            while last + 1 < end and _ends_near(scan, ranges, last + 1, ahead, left):
+            while last + 1 < end and _ends_near(geometry, ranges, last + 1, ahead, left):
                 last += 1
             beyond = math.inf  # the nearer of the beams to both sides
             if beam > 0:
@@ -215,9 +217,9 @@ def hide_cars(memory: Record, scan: Record, ranges: FloatArray) -> None:
 
 
 @kernel
-def _ends_near(scan: Record, ranges: FloatArray, beam: int, ahead: float, left: float) -> bool:
+def _ends_near(geometry: Record, ranges: FloatArray, beam: int, ahead: float, left: float) -> bool:
     """Return whether a beam ends within _HIDDEN of a place ahead and to the left of the LiDAR [m]."""
-    bearing = scan.angle_min + scan.angle_increment * beam
+    bearing = geometry.angle_min + geometry.angle_increment * beam
     distance = ranges[beam]
     return math.hypot(distance * math.cos(bearing) - ahead, distance * math.sin(bearing) - left) < _HIDDEN
 
@@ -232,13 +234,13 @@ def _seen_from(memory: Record, x: float, y: float) -> tuple[float, float]:
 
 @kernel
 def draw_cars(
-    memory: Record, scan: Record, ranges: FloatArray, own_speed: float, car: Record, settings: Record
+    memory: Record, geometry: Record, ranges: FloatArray, own_speed: float, car: Record, settings: Record
 ) -> None:
     """Shorten beams (n,) [m] to the cars that are passed, where the planner's car could meet them.
 
     Args:
       memory: of type RACING.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings without cars, written to.
       own_speed: of the planner's car [m/s].
       car: its parameters, which the others are taken to have.
@@ -251,11 +253,11 @@ def draw_cars(
         speed, time, way = math.hypot(other.vx, other.vy), 0.0, 0.0
         step = (speed / settings.braking + settings.least_lead) / _STEPS
         is_ahead = passing.along > 0.5 * car.length
-        for place in range(_STEPS + 1):
-            ahead, left, heading = place_on(passing, way)
+        for index in range(_STEPS + 1):
+            ahead, left, heading = pose_on(passing, way)
             reached = own_speed * time
-            if (place == _STEPS and is_ahead) or abs(math.hypot(ahead, left) - reached) < car.length:
-                _draw_car(scan, ranges, ahead, left, heading, car, settings.car_margin)
+            if (index == _STEPS and is_ahead) or abs(math.hypot(ahead, left) - reached) < car.length:
+                _draw_car(geometry, ranges, ahead, left, heading, car, settings.car_margin)
             way += step * speed
             time += step
             if time > settings.least_lead:
@@ -264,25 +266,25 @@ def draw_cars(
 
 @kernel
 def _draw_car(
-    scan: Record, ranges: FloatArray, ahead: float, left: float, heading: float, car: Record, margin: float
+    geometry: Record, ranges: FloatArray, ahead: float, left: float, heading: float, car: Record, margin: float
 ) -> None:
     """Shorten beams to a car at a place [m] with a heading [rad]: three discs, as wide as it is."""
     radius = 0.5 * car.width + margin
     reach = 0.5 * car.length - 0.5 * car.width
-    for place in range(-1, 2):
-        x, y = ahead + place * reach * math.cos(heading), left + place * reach * math.sin(heading)
-        draw_disc(scan, ranges, x, y, radius)
+    for index in range(-1, 2):
+        x, y = ahead + index * reach * math.cos(heading), left + index * reach * math.sin(heading)
+        draw_disc(geometry, ranges, x, y, radius)
 
 
 @kernel
-def draw_disc(scan: Record, ranges: FloatArray, ahead: float, left: float, radius: float) -> None:
+def draw_disc(geometry: Record, ranges: FloatArray, ahead: float, left: float, radius: float) -> None:
     """Draw a disc into a scan (n,) [m], by its radius and its place ahead and to the left of the LiDAR [m]."""
     far, bearing = math.hypot(ahead, left), math.atan2(left, ahead)
     half = math.asin(min(radius / max(far, 1.0001 * radius), 1.0))
-    first = math.ceil((bearing - half - scan.angle_min) / scan.angle_increment)
-    end = math.floor((bearing + half - scan.angle_min) / scan.angle_increment) + 1
+    first = math.ceil((bearing - half - geometry.angle_min) / geometry.angle_increment)
+    end = math.floor((bearing + half - geometry.angle_min) / geometry.angle_increment) + 1
     for beam in range(max(first, 0), min(end, len(ranges))):
-        away = scan.angle_min + scan.angle_increment * beam - bearing
+        away = geometry.angle_min + geometry.angle_increment * beam - bearing
         side = far * math.sin(away)
         near = far * math.cos(away) - math.sqrt(max(radius * radius - side * side, 0.0))
         ranges[beam] = min(ranges[beam], max(near, 0.02))

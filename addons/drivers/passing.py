@@ -65,24 +65,24 @@ RACING = np.dtype([("seen", OTHER_CARS), ("told", TOLD), ("met", np.bool_), ("pa
 
 
 @kernel
-def choose(memory: Record, scan: Record, without: FloatArray, car: Record, settings: Record) -> float:
+def choose(memory: Record, geometry: Record, without: FloatArray, car: Record, settings: Record) -> float:
     """Decide for each car in sight whether to follow or to pass it; return the greatest speed [m/s], inf: any.
 
     Args:
       memory: of type RACING, written to.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       without: readings (n,) [m] without cars.
       car: parameters of the planner's car, which the others are taken to have.
       settings: fields of OvertakerSettings.
     """
     points, limit = np.empty((MOST_POINTS, 2)), math.inf
-    count = ground_points(scan, without, points)
+    count = ground_points(geometry, without, points)
     seen, to_middle = memory.seen, car.lidar_offset - (0.5 * car.length - car.rear_overhang)
     cos, sin = math.cos(seen.heading), math.sin(seen.heading)
     for k in range(MOST_CARS):
         other, passing = seen.cars[k], memory.passing[k]
         slow = other.age > 0 and math.hypot(other.vx, other.vy) < STANDING
-        passing.stood = passing.stood + period_of(scan) if slow else 0.0
+        passing.stood = passing.stood + period_of(geometry) if slow else 0.0
         if other.age == 0 or not other.moves or passing.stood > STANDS_FOR:
             passing.what = FOLLOWS
             passing.places = 0
@@ -102,9 +102,9 @@ def choose(memory: Record, scan: Record, without: FloatArray, car: Record, setti
         passing.across = math.sin(between) * dx - math.cos(between) * dy
         passing.speed = max(math.hypot(other.vx, other.vy) * math.cos(between), 0.0)
         gap = math.hypot(dx, dy) - car.length
-        passing.waits = max(passing.waits - period_of(scan), 0.0)
+        passing.waits = max(passing.waits - period_of(geometry), 0.0)
         still_behind = passing.what == PASSES and passing.along > car.length
-        passing.lasts = passing.lasts + period_of(scan) if still_behind else 0.0
+        passing.lasts = passing.lasts + period_of(geometry) if still_behind else 0.0
         _choose_one(passing, gap, car, settings)
         limit = min(limit, _speed_beside(passing, gap, car, settings))
     return limit
@@ -195,12 +195,12 @@ def predict_cars(memory: Record, car: Record, braking: float, predictions: Recor
             curvature = (passing.way[last, HEADING] - passing.way[0, HEADING]) / (last * STEP)
         reach = 0.5 * car.length - 0.5 * car.width
         heading = passing.way[0, HEADING]
-        for place in range(-1, 2):
+        for index in range(-1, 2):
             row = predictions.rows[predictions.count]
             predictions.count += 1
             predictions.cars += 1
-            row[rows.X] = passing.way[0, X] + place * reach * math.cos(heading)
-            row[rows.Y] = passing.way[0, Y] + place * reach * math.sin(heading)
+            row[rows.X] = passing.way[0, X] + index * reach * math.cos(heading)
+            row[rows.Y] = passing.way[0, Y] + index * reach * math.sin(heading)
             row[rows.COS], row[rows.SIN] = math.cos(heading), math.sin(heading)
             row[rows.SPEED], row[rows.RADIUS] = speed, 0.5 * car.width
             row[rows.TO_WALL], row[rows.BRAKING] = math.inf, braking
@@ -209,7 +209,7 @@ def predict_cars(memory: Record, car: Record, braking: float, predictions: Recor
 
 
 @kernel
-def place_on(passing: Record, way: float) -> tuple[float, float, float]:
+def pose_on(passing: Record, way: float) -> tuple[float, float, float]:
     """Return where a car is when it has come so far on its way [m]: place [m] and heading [rad]."""
     first = min(int(way / STEP), passing.places - 1)
     row, beyond = passing.way[first], way - first * STEP
@@ -250,7 +250,7 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
         points[k, 1] = row[Y] + off * math.cos(row[HEADING])
     limiter = driver.limiter
     sharpest = math.tan(car.max_steering_angle) / car.wheelbase
-    if driver.held:
+    if driver.has_limiter:
         sharpest = min(sharpest, _GRIP * limiter.lateral / max(own_speed * own_speed, 0.01))
     sight = max(_LEAST_SIGHT, _SIGHT * own_speed)
     x, y, heading, first, count, square = 0.0, 0.0, 0.0, 0, 0, math.inf
@@ -270,7 +270,7 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
         x += _STEP * math.cos(heading + 0.5 * curvature * _STEP)
         y += _STEP * math.sin(heading + 0.5 * curvature * _STEP)
         heading += curvature * _STEP
-        if driver.held and wanted != 0.0:
+        if driver.has_limiter and wanted != 0.0:
             before = 2.0 * _SLOWING * limiter.braking * count * _STEP
             square = min(square, _GRIP * limiter.lateral / abs(wanted) + before)
         row = reference.lane[count]
@@ -278,7 +278,7 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
         count += 1
     if count < _LEAST_LANE:
         return
-    reference.places = count
+    reference.lane_points = count
     path_late = late_on_path(limiter.slip, car, own_speed)
     reference.steering_angle = steer_along(
         reference.lane[:count], 0, 0.0, 0.0, 0.0, own_speed, car.wheelbase, late_by(car), path_late

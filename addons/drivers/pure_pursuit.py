@@ -70,7 +70,7 @@ from .line_profile import (
     read_line,
 )
 
-_PURE_PURSUIT, _MAP = 1, 4  # places of words of the setting `tracker`
+_PURE_PURSUIT, _MAP = 1, 4  # indices of the words of the setting `tracker`
 _SHORT_JOINING = 1.0  # m/m: the other trackers join the line further on by no more, so as not to cut a bend on the way
 _SHORTEST, _LONGEST = 0.5, 1.5  # times the course's own line may a lap of another be
 _LOOKED_AT = 100  # points of a line, about, of which most have to be on the course
@@ -284,19 +284,19 @@ class PurePursuit(Planner):
     @staticmethod
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
-        scan, odometry, running, own, driven, lines, valid, shown
+        geometry, odometry, running, planner_states, ticks, lines, ranges, debug
     ):
         """Write the references of all running worlds."""
         for world in range(len(running)):
             if running[world]:
-                driver, planner, reference = driven[world].driver, own[world], driven[world].reference
+                driver, planner, reference = ticks[world].driver, planner_states[world], ticks[world].reference
                 steering_angle, speed, bearing, distance = math.nan, 0.0, math.nan, math.nan
-                if sees(scan[0], valid[world]):
+                if sees(geometry[0], ranges[world]):
                     line = lines[driver.line_first : driver.line_end]
                     steering_angle, speed, bearing, distance = _follow(
                         odometry[world], driver, planner.settings, planner.memory, line, reference
                     )
-                refer(scan[0], valid[world], driver, steering_angle, speed, bearing, distance, reference)
+                refer(geometry[0], ranges[world], driver, steering_angle, speed, bearing, distance, reference)
 
     def own_stages(self) -> dict[str, Stage]:
         """Return its tracker, which is a stage."""

@@ -49,7 +49,7 @@ STAGES: Registry[object] = Registry(
         "sight": f"{_DECISION}SIGHT_STAGE",
         "safety_filter": f"{_DECISION}SAFETY_FILTER_STAGE",
         "recovery": f"{_DECISION}RECOVERY_STAGE",
-        "remember": "fg_mujoco.controllers.safety.known_line:REMEMBER",
+        "remember": "fg_mujoco.controllers.safety.lap_raceline:REMEMBER",
     }
     | added("STAGES"),
 )

@@ -28,12 +28,12 @@ from fg_mujoco.messages import FloatArray
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
-from ..safety.guidance import guide, keep_stop, path_ahead, stop_ahead
+from ..safety.guidance import follow_frontier, keep_stop, path_ahead, stop_ahead
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
 from ..safety.recovery import angle_along_history, extend_history, reverses
 from ..safety.safety_filter import least_cornering, safe_steering
-from .holding import hold, read_speedometer
+from .actuation import apply_limits, read_speedometer
 from .planner_settings import Record
 from .reasons import (
     AFTER_RECOVERY,
@@ -52,10 +52,10 @@ from .reasons import (
     SAFETY_FILTER,
     SIGHT,
     forget_reasons,
-    note,
+    log_step,
 )
 from .reasons import GUIDANCE as GUIDED
-from .slip import held_arc, late_on_path, see_from_course
+from .slip import held_arc, late_on_path, to_velocity_frame
 from .speed import distance_ahead_speed, friction_speed
 from .stages import Stage
 from .steering import late_by, saturate
@@ -70,209 +70,213 @@ _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 @kernel
 def predict(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Track what moves, and take it out of the scan; arguments as in stages."""
-    foresee(scan, valid, clear, driven.odometry, driven.driver, driven.memory.predictions)
+    foresee(geometry, ranges, ranges_without_movers, tick.odometry, tick.driver, tick.memory.predictions)
 
 
 @kernel
 def begin(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
-    """Begin a decision: its reasons, the car as seen from its course, and its speedometer; arguments as in stages."""
-    driver, reference, memory, odometry = driven.driver, driven.reference, driven.memory, driven.odometry
-    reasons, slip, course, scan = memory.reasons, driver.limiter.slip, memory.course, driven.scan
+    """Begin a decision: its reasons, the velocity frame, and the speedometer; arguments as in stages."""
+    driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
+    reasons, slip, frame, geometry = memory.reasons, driver.limiter.slip, memory.velocity_frame, tick.geometry
     forget_reasons(reasons)
-    if slip.soft:
-        memory.limiter.curvature = see_from_course(slip, driver.car, scan, odometry, course)
-        driven.scan, driven.odometry = course.scan, course.odometry
-        reference.bearing -= course.angle
-    note(reasons, MAXIMUM, math.nan, driver.max_speed)
-    note(reasons, PLANNER, reference.steering_angle, reference.own_speed)
+    if slip.needs_slip_angle:
+        memory.limiter.curvature = to_velocity_frame(slip, driver.car, geometry, odometry, frame)
+        tick.geometry, tick.odometry = frame.geometry, frame.odometry
+        reference.bearing -= frame.angle
+    log_step(reasons, MAXIMUM, math.nan, driver.max_speed)
+    log_step(reasons, PLANNER, reference.steering_angle, reference.own_speed)
     if reference.plan > 0:
-        note(reasons, LAST_PLAN if reference.plan == 1 else NO_PLAN, reference.steering_angle, reference.own_speed)
+        log_step(reasons, LAST_PLAN if reference.plan == 1 else NO_PLAN, reference.steering_angle, reference.own_speed)
     if driver.mean_range:
-        note(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
-    if driver.held:
-        read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(scan))
+        log_step(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
+    if driver.has_limiter:
+        read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(geometry))
 
 
 @kernel
 def guide_reference(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Replace a reference that does not lead on, and decide while the car turns in moves; arguments as in stages."""
-    driver, reference, memory, odometry = driven.driver, driven.reference, driven.memory, driven.odometry
-    scan, turning = driven.scan, memory.guidance.turning
+    driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
+    geometry, turning = tick.geometry, memory.guidance.turning
     if memory.predictions.count > 0:
         turning.slow = 0  # what is in the way moves on
         for row in memory.predictions.rows[: memory.predictions.count]:
             if math.hypot(row[X], row[Y]) < _NO_MOVES:
                 turning.active = False
     own_reference = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
-    guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
-    if reference.places > 0:
+    settings, guidance = driver.guidance_settings, memory.guidance
+    follow_frontier(geometry, ranges_without_cars, odometry, driver.limiter, settings, guidance, reference)
+    if reference.lane_points > 0:
         reference.steering_angle, reference.speed, reference.bearing, reference.distance = own_reference
-    note(memory.reasons, GUIDED, reference.steering_angle, reference.speed)
-    if turning.active and reference.places == 0:
-        note(memory.reasons, MOVES, turning.steering_angle, turning.speed)
-        extend_path(scan, odometry, driver, memory)
+    log_step(memory.reasons, GUIDED, reference.steering_angle, reference.speed)
+    if turning.active and reference.lane_points == 0:
+        log_step(memory.reasons, MOVES, turning.steering_angle, turning.speed)
+        extend_path(geometry, odometry, driver, memory)
         least = driver.limiter.settings.least_lateral_use
-        command[0], command[1] = hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
-        driven.decided = True
+        command[0], command[1] = apply_limits(
+            geometry, odometry, driver, memory, turning.steering_angle, turning.speed, least
+        )
+        tick.decided = True
 
 
 @kernel
 def drive(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Write the reference as the command, as far as the wheels can be turned; arguments as in stages."""
-    if driven.decided:
+    if tick.decided:
         return
-    if _sees_no_way(driven):
-        _stand(driven, command)
+    if _sees_no_way(tick):
+        _stand(tick, command)
     else:
-        _steer(driven, _by_laws(valid, driven), command)
+        _steer(tick, _by_laws(ranges, tick), command)
 
 
 @kernel
 def drive_held(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Write the command nearest to the reference that the friction limiter allows; arguments as in stages."""
-    if not _is_decided(driven, command):
-        _follow(driven, _by_laws(valid, driven), command)
+    if not _is_decided(tick, command):
+        _follow(tick, _by_laws(ranges, tick), command)
 
 
 @kernel
 def drive_in_sight(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Write the command of a car that can stop within what it sees; arguments as in stages."""
-    if _is_decided(driven, command):
+    if _is_decided(tick, command):
         return
-    reference, table = driven.reference, trajectories[driven.driver.trajectories + driven.driver.stops]
-    widened = widen_all(valid, driven.scan.angle_increment, table.radius)
-    speed = min(_by_laws(valid, driven), _in_sight(driven, widened, table))
-    note(driven.memory.reasons, SIGHT, reference.steering_angle, speed)
-    _follow(driven, speed, command)
+    reference, table = tick.reference, trajectories[tick.driver.trajectories + tick.driver.stops]
+    widened = widen_all(ranges, tick.geometry.angle_increment, table.radius)
+    speed = min(_by_laws(ranges, tick), _in_sight(tick, widened, table))
+    log_step(tick.memory.reasons, SIGHT, reference.steering_angle, speed)
+    _follow(tick, speed, command)
 
 
 @kernel
 def drive_filtered(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Write the command for a reference that passes the safety filter, or for one that does; arguments as in stages."""
-    if _is_decided(driven, command):
+    if _is_decided(tick, command):
         return
-    scan, odometry, reference, driver, memory = (
-        driven.scan, driven.odometry, driven.reference, driven.driver, driven.memory
+    geometry, odometry, reference, driver, memory = (
+        tick.geometry, tick.odometry, tick.reference, tick.driver, tick.memory
     )  # fmt: skip
-    speed = _by_laws(valid, driven)
+    speed = _by_laws(ranges, tick)
     table = trajectories[driver.trajectories + driver.stops]
-    predictions = turned(memory.predictions, memory.course.angle if driver.limiter.slip.soft else 0.0)
-    surroundings = clear if len(predictions) > 0 else valid
-    widened = widen_all(surroundings, scan.angle_increment, table.radius)
-    extend_path(scan, odometry, driver, memory)
+    angle = memory.velocity_frame.angle if driver.limiter.slip.needs_slip_angle else 0.0
+    predictions = turned(memory.predictions, angle)
+    surroundings = ranges_without_movers if len(predictions) > 0 else ranges
+    widened = widen_all(surroundings, geometry.angle_increment, table.radius)
+    extend_path(geometry, odometry, driver, memory)
     command[0], command[1] = _drive_filtered(
-        scan, widened, odometry, driver, memory, reference.steering_angle, speed, _in_sight(driven, widened, table),
-        predictions, table.radius, reference.lane[: reference.places], reference.bearing, reference.distance,
+        geometry, widened, odometry, driver, memory, reference.steering_angle, speed, _in_sight(tick, widened, table),
+        predictions, table.radius, reference.lane[: reference.lane_points], reference.bearing, reference.distance,
     )  # fmt: skip
 
 
 @kernel
-def _is_decided(driven: Record, command: FloatArray) -> bool:
+def _is_decided(tick: Record, command: FloatArray) -> bool:
     """Return whether there is a command: another stage has decided, or the car brakes, as there is no way."""
-    if driven.decided:
+    if tick.decided:
         return True
-    if not _sees_no_way(driven):
+    if not _sees_no_way(tick):
         return False
-    if driven.driver.held:
-        command[0], command[1] = _brake(driven.scan, driven.odometry, driven.driver, driven.memory)
+    if tick.driver.has_limiter:
+        command[0], command[1] = _brake(tick.geometry, tick.odometry, tick.driver, tick.memory)
     else:
-        _stand(driven, command)
+        _stand(tick, command)
     return True
 
 
 @kernel
-def _follow(driven: Record, speed: float, command: FloatArray) -> None:
+def _follow(tick: Record, speed: float, command: FloatArray) -> None:
     """Write the command that follows the reference at a speed [m/s], as far as the car has a friction limiter."""
-    driver = driven.driver
-    if driver.held:
-        steering_angle, least = driven.reference.steering_angle, driver.limiter.settings.least_lateral_use
-        command[0], command[1] = hold(
-            driven.scan, driven.odometry, driver, driven.memory, steering_angle, speed, least
+    driver = tick.driver
+    if driver.has_limiter:
+        steering_angle, least = tick.reference.steering_angle, driver.limiter.settings.least_lateral_use
+        command[0], command[1] = apply_limits(
+            tick.geometry, tick.odometry, driver, tick.memory, steering_angle, speed, least
         )  # fmt: skip
     else:
-        _steer(driven, speed, command)
+        _steer(tick, speed, command)
 
 
 @kernel
-def _steer(driven: Record, speed: float, command: FloatArray) -> None:
+def _steer(tick: Record, speed: float, command: FloatArray) -> None:
     """Write the reference's steering angle, as far as the wheels can be turned, and a speed [m/s] as the command."""
-    command[0] = saturate(driven.reference.steering_angle, driven.driver.car.max_steering_angle)
+    command[0] = saturate(tick.reference.steering_angle, tick.driver.car.max_steering_angle)
     command[1] = speed
-    note(driven.memory.reasons, LOCK, command[0], speed)
+    log_step(tick.memory.reasons, LOCK, command[0], speed)
 
 
 @kernel
-def _stand(driven: Record, command: FloatArray) -> None:
+def _stand(tick: Record, command: FloatArray) -> None:
     """Write the command of a car without a friction limiter that sees no way: it stops."""
-    note(driven.memory.reasons, NO_REFERENCE, 0.0, 0.0)
+    log_step(tick.memory.reasons, NO_REFERENCE, 0.0, 0.0)
     command[0] = command[1] = 0.0
 
 
 @kernel
-def _sees_no_way(driven: Record) -> bool:
+def _sees_no_way(tick: Record) -> bool:
     """Return whether there is no reference, or no odometry: the car brakes."""
-    reference, odometry = driven.reference, driven.odometry
+    reference, odometry = tick.reference, tick.odometry
     return math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle)
 
 
 @kernel
-def _in_sight(driven: Record, widened: FloatArray, table: Record) -> float:
+def _in_sight(tick: Record, widened: FloatArray, table: Record) -> float:
     """Return the speed [m/s] from which the car stops within what it sees."""
-    scan, odometry = driven.scan, driven.odometry
+    geometry, odometry = tick.geometry, tick.odometry
     # A stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts: less from
     # a slower speed, and so the stops are those of as much friction or more.
-    faster = math.sqrt(driven.driver.limiter.lateral / table.lateral)
+    faster = math.sqrt(tick.driver.limiter.lateral / table.lateral)
     speed: float = safe_speed(
-        table, widened, scan.angle_min, scan.angle_increment, odometry.speed / faster, odometry.steering_angle
+        table, widened, geometry.angle_min, geometry.angle_increment, odometry.speed / faster, odometry.steering_angle
     )
     return faster * speed
 
 
 @kernel
-def _by_laws(valid: FloatArray, driven: Record) -> float:
+def _by_laws(ranges: FloatArray, tick: Record) -> float:
     """Return the reference's speed [m/s] by the laws of the distance ahead and of friction, as far as they apply."""
-    driver, reference, reasons = driven.driver, driven.reference, driven.memory.reasons
+    driver, reference, reasons = tick.driver, tick.reference, tick.memory.reasons
     speed: float = min(reference.speed, reference.limit)
     if driver.distance_ahead:
-        speed = min(speed, _speed_by_what_is_ahead(driven.scan, valid, driver))
-        note(reasons, AHEAD, reference.steering_angle, speed)
+        speed = min(speed, _speed_by_what_is_ahead(tick.geometry, ranges, driver))
+        log_step(reasons, AHEAD, reference.steering_angle, speed)
     if driver.friction_law:
         car = driver.car
         steering = saturate(reference.steering_angle, car.max_steering_angle)
         speed = min(speed, friction_speed(steering, driver.limiter.mu, car.wheelbase, car.gravity))
-        note(reasons, LAW, steering, speed)
+        log_step(reasons, LAW, steering, speed)
     return speed
 
 
 @kernel
-def _speed_by_what_is_ahead(scan: Record, valid: FloatArray, driver: Record) -> float:
+def _speed_by_what_is_ahead(geometry: Record, ranges: FloatArray, driver: Record) -> float:
     """Return the speed [m/s] by the law of the distance straight ahead; inf where the scan does not look ahead."""
-    first, end = beams_between(scan, len(valid), -_AHEAD, _AHEAD)
+    first, end = beams_between(geometry, len(ranges), -_AHEAD, _AHEAD)
     ahead = math.inf
     for beam in range(first, end):
-        ahead = min(ahead, valid[beam])
+        ahead = min(ahead, ranges[beam])
     settings = driver.settings
     return distance_ahead_speed(ahead, settings.safe_distance, settings.full_speed_distance, driver.max_speed)
 
 
 @kernel
 def _drive_filtered(
-    scan: Record,
+    geometry: Record,
     widened: FloatArray,
     odometry: Record,
     driver: Record,
@@ -296,7 +300,7 @@ def _drive_filtered(
     direction is free it reverses, and tries again. Near what moves it drives by a plan in time.
 
     Args:
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       widened: readings (n,) [m], widened by the disc over the car's front.
       odometry: of type ODOMETRY.
       driver: of type DRIVER.
@@ -311,11 +315,11 @@ def _drive_filtered(
       distance: of that goal [m].
     """
     angle, now, car = odometry.steering_angle, odometry.speed, driver.car
-    limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(scan)
+    limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(geometry)
     reference = saturate(steering_angle, car.max_steering_angle)
     if history.tried > 0:
         speed = min(speed, driver.recovery_settings.speed)
-        note(memory.reasons, AFTER_RECOVERY, steering_angle, speed)
+        log_step(memory.reasons, AFTER_RECOVERY, steering_angle, speed)
     guidance = memory.guidance
     keeps = len(lane) > 0
     knows_speed, path = guidance.knows_speed and not keeps, path_ahead(guidance)
@@ -323,114 +327,118 @@ def _drive_filtered(
         path = lane.copy()
     reference_speed = speed if knows_speed else min(speed, max(in_sight, settings.crawl_speed))
     if not knows_speed:
-        note(memory.reasons, SIGHT, steering_angle, reference_speed)
+        log_step(memory.reasons, SIGHT, steering_angle, reference_speed)
     among = memory.predictions.cars > 0
     if not among and is_among(predictions):
         may_back_off = driver.recovery and abs(now) < 1.2 and now < 0.3 and history.known > 0
         seen, onwards = memory.predictions.targets, max(reference_speed, min(_ONWARDS, driver.max_speed))
-        pose = (float(seen.x), float(seen.y), seen.heading + (memory.course.angle if limiter.slip.soft else 0.0))
+        pose = (
+            float(seen.x),
+            float(seen.y),
+            seen.heading + (memory.velocity_frame.angle if limiter.slip.needs_slip_angle else 0.0),
+        )
         what, planned, planned_speed = plan_in_time(
-            limiter, memory.limiter, settings, memory.plan, pose, widened, scan.angle_min, scan.angle_increment,
-            bearing, distance, onwards, angle, now, period, predictions, radius, guidance.way, may_back_off,
+            limiter, memory.limiter, settings, memory.plan, pose, widened, geometry.angle_min, geometry.angle_increment,
+            bearing, distance, onwards, angle, now, period, predictions, radius, guidance.frontier, may_back_off,
         )  # fmt: skip
-        memory.kept = False
+        memory.passed_filter = False
         if what == BACKS_OFF:
             history.stood = 0.0
             back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
-            note(memory.reasons, PLAN_IN_TIME, back, -BACKING_SPEED)
-            return hold(scan, odometry, driver, memory, back, -BACKING_SPEED, 1.0)
+            log_step(memory.reasons, PLAN_IN_TIME, back, -BACKING_SPEED)
+            return apply_limits(geometry, odometry, driver, memory, back, -BACKING_SPEED, 1.0)
         if what == DRIVES:
             history.back = 0.0  # an attempt to reverse is over
-            note(memory.reasons, PLAN_IN_TIME, planned, planned_speed)
-            return hold(scan, odometry, driver, memory, planned, planned_speed, 1.0)
+            log_step(memory.reasons, PLAN_IN_TIME, planned, planned_speed)
+            return apply_limits(geometry, odometry, driver, memory, planned, planned_speed, 1.0)
         predictions, reference_speed = predictions[:0], 0.0
     safe, use, found = safe_steering(
-        limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
-        angle, now, period, path, memory.kept, predictions, radius, guidance.way,
+        limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference,
+        reference_speed, angle, now, period, path, memory.passed_filter, predictions, radius, guidance.frontier,
     )  # fmt: skip
-    memory.kept = found and safe == reference
-    if memory.kept and guidance.follows and not keeps:
+    memory.passed_filter = found and safe == reference
+    if memory.passed_filter and guidance.follows and not keeps:
         keep_stop(guidance)
-    if among and not memory.kept:
+    if among and not memory.passed_filter:
         without, use_without, _ = safe_steering(
-            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, 0.0,
-            angle, now, period, path, True, predictions[:0], radius, guidance.way,
+            limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, 0.0,
+            angle, now, period, path, True, predictions[:0], radius, guidance.frontier,
         )  # fmt: skip
         if without == reference:
-            note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
+            log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
             if keeps:
                 use_without = 1.0  # beside another car it has to follow the course
             else:
                 least = least_cornering(
-                    limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
-                    now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius, guidance.way,
-                )  # fmt: skip
+                    limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment,
+                    reference, angle, now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius,
+                    guidance.frontier, )  # fmt: skip
                 use_without = least if least >= 0.0 else use_without
-            return hold(scan, odometry, driver, memory, steering_angle, 0.0, use_without)
+            return apply_limits(geometry, odometry, driver, memory, steering_angle, 0.0, use_without)
     stands = abs(now) < settings.standing_speed
-    leads_on, waits = found and not guidance.stuck, memory.predictions.count > 0 or not guidance.way.found
+    leads_on, waits = found and not guidance.stuck, memory.predictions.count > 0 or not guidance.frontier.found
     if driver.recovery and reverses(history, driver.recovery_settings, stands, leads_on, waits, period):
         back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
-        note(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
-        return hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
+        log_step(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
+        return apply_limits(geometry, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:
         last = stop_ahead(guidance)
         if not stands and len(last) > 0 and len(predictions) == 0:
             for margin in (settings.margin_kept * settings.margin_aside, 0.0):
                 use_last = least_cornering(
-                    limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
-                    now, period, last, margin, 1.0, predictions, radius, guidance.way,
+                    limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment,
+                    reference, angle, now, period, last, margin, 1.0, predictions, radius, guidance.frontier,
                 )  # fmt: skip
                 if use_last >= 0.0:
                     late, path_late = late_by(car), late_on_path(limiter.slip, car, now)
                     on_last = steer_along(last, 0, 0.0, 0.0, 0.0, now, car.wheelbase, late, path_late)
-                    note(memory.reasons, SAFETY_FILTER, on_last, 0.0)
-                    return hold(scan, odometry, driver, memory, on_last, 0.0, use_last)
+                    log_step(memory.reasons, SAFETY_FILTER, on_last, 0.0)
+                    return apply_limits(geometry, odometry, driver, memory, on_last, 0.0, use_last)
         speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
         if guidance.follows and not keeps:  # it is free, as far as its search could tell
-            note(memory.reasons, SAFETY_FILTER, steering_angle, speed)
-            return hold(scan, odometry, driver, memory, steering_angle, speed, 1.0)
-        note(memory.reasons, SAFETY_FILTER, safe, speed)
-        return hold(scan, odometry, driver, memory, safe, speed, use)
+            log_step(memory.reasons, SAFETY_FILTER, steering_angle, speed)
+            return apply_limits(geometry, odometry, driver, memory, steering_angle, speed, 1.0)
+        log_step(memory.reasons, SAFETY_FILTER, safe, speed)
+        return apply_limits(geometry, odometry, driver, memory, safe, speed, use)
     if safe != reference and guidance.follows and not keeps and len(predictions) == 0:
         on_motion = least_cornering(
-            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle, now,
-            period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius, guidance.way,
+            limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, angle,
+            now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius, guidance.frontier,
         )  # fmt: skip
         if on_motion >= 0.0:
-            note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
-            return hold(scan, odometry, driver, memory, steering_angle, 0.0, on_motion)
+            log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
+            return apply_limits(geometry, odometry, driver, memory, steering_angle, 0.0, on_motion)
     if 0.0 < abs(safe - reference) < _BESIDE and len(path) == 0 and len(predictions) == 0:
         beside, use_beside, _ = safe_steering(
-            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, safe, reference_speed,
-            angle, now, period, path, True, predictions, radius, guidance.way,
+            limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, safe,
+            reference_speed, angle, now, period, path, True, predictions, radius, guidance.frontier,
         )  # fmt: skip
         if beside == safe:
-            note(memory.reasons, SAFETY_FILTER, safe, reference_speed)
-            return hold(scan, odometry, driver, memory, safe, reference_speed, use_beside)
+            log_step(memory.reasons, SAFETY_FILTER, safe, reference_speed)
+            return apply_limits(geometry, odometry, driver, memory, safe, reference_speed, use_beside)
     if safe != reference:
-        note(memory.reasons, SAFETY_FILTER, safe, min(speed, settings.crawl_speed))
-        return hold(scan, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)
-    note(memory.reasons, SAFETY_FILTER, steering_angle, reference_speed)
-    return hold(scan, odometry, driver, memory, steering_angle, reference_speed, use)
+        log_step(memory.reasons, SAFETY_FILTER, safe, min(speed, settings.crawl_speed))
+        return apply_limits(geometry, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)
+    log_step(memory.reasons, SAFETY_FILTER, steering_angle, reference_speed)
+    return apply_limits(geometry, odometry, driver, memory, steering_angle, reference_speed, use)
 
 
 @kernel
-def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
+def _brake(geometry: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
     """Return the command of the hardest stop that the tires hold on the present path; without odometry 0 and 0."""
-    extend_path(scan, odometry, driver, memory)
-    note(memory.reasons, NO_REFERENCE, odometry.steering_angle, 0.0)
+    extend_path(geometry, odometry, driver, memory)
+    log_step(memory.reasons, NO_REFERENCE, odometry.steering_angle, 0.0)
     least, slip = driver.limiter.settings.least_lateral_use, driver.limiter.slip
     held = held_arc(slip, driver.car, odometry.steering_angle, memory.limiter.curvature)
-    return hold(scan, odometry, driver, memory, held, 0.0, least)
+    return apply_limits(geometry, odometry, driver, memory, held, 0.0, least)
 
 
 @kernel
-def extend_path(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
+def extend_path(geometry: Record, odometry: Record, driver: Record, memory: Record) -> None:
     """Add the motion of the last tick to the path history; to be called once in every tick."""
     if driver.recovery:
         yaw_rate = odometry.angular_velocity[2]
-        extend_history(memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period_of(scan))
+        extend_history(memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period_of(geometry))
 
 
 MEAN_RANGE_STAGE = Stage(text="speed law: slower where the mean range towards the goal is short")

@@ -17,15 +17,15 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray, require
 
-from ..perception.scan_geometry import SCAN
+from ..perception.scan_geometry import SCAN_GEOMETRY
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter
 from ..safety.guidance import GUIDANCE, GuidanceSettings
 from ..safety.plan_in_time import PLAN_IN_TIME
 from ..safety.predictions import MOST_LATE, PREDICTIONS
 from ..safety.recovery import PATH_HISTORY, RecoverySettings
 from ..safety.safety_filter import SafetyFilterSettings
+from .actuation import SPEEDOMETER
 from .assist import names_in
-from .holding import SPEEDOMETER
 from .planner_settings import (
     CAR,
     FROM_ZERO,
@@ -41,12 +41,12 @@ from .planner_settings import (
     setting_of_method,
 )
 from .reasons import REASONS
-from .slip import COURSE
+from .slip import VELOCITY_FRAME
 from .speed import mean_range_speed
 from .steering import pursue, saturate
 
 SOURCE, BY_BEARING = 1, 1
-"""Places of the words of `method` and of `steering` in the records of settings."""
+"""Indices of the words of `method` and of `steering` in the records of settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,8 +94,17 @@ class DrivingSettings(Settings):
             require(self, longer.holds, longer.text, ("full_speed_distance",), SettingsError)
 
 
-FLAGS = ("mean_range", "distance_ahead", "friction_law", "sight", "safety_filter", "recovery", "prediction", "held")
-"""Stages that kernels ask for; `held` is the friction limiter."""
+FLAGS = (
+    "mean_range",
+    "distance_ahead",
+    "friction_law",
+    "sight",
+    "safety_filter",
+    "recovery",
+    "prediction",
+    "has_limiter",
+)
+"""Stages that kernels ask for; `has_limiter`: the friction limiter."""
 
 DRIVER = np.dtype(
     [
@@ -122,17 +131,17 @@ DRIVING_MEMORY = np.dtype(
         ("history", PATH_HISTORY),
         ("guidance", GUIDANCE),
         ("speedometer", SPEEDOMETER),
-        ("course", COURSE),
+        ("velocity_frame", VELOCITY_FRAME),
         ("predictions", PREDICTIONS),
         ("plan", PLAN_IN_TIME),
-        ("kept", np.bool_),  # whether the reference passed the safety filter
+        ("passed_filter", np.bool_),  # whether the reference passed the safety filter
         ("reasons", *REASONS),  # of the last decision; written, and never read
     ]
 )
 """Type of what they keep of its car from tick to tick; zero at the beginning."""
 
 MOST_LANE = 20
-"""Greatest number of places of a lane beside another car."""
+"""Greatest number of points of a lane beside another car."""
 
 REFERENCE = np.dtype(
     [
@@ -146,7 +155,7 @@ REFERENCE = np.dtype(
         ("plan", np.int64),  # of the tracker mpc, by which it is: 0 this tick's, 1 the last one, 2 none: the car brakes
         ("limit", np.float64),  # [m/s] greatest, whatever guidance makes of the rest; inf: none
         ("lane", np.float64, (MOST_LANE, 4)),  # motion beside another car, which guidance leaves, as in `tracking`
-        ("places", np.int64),  # of the lane; 0: there is none
+        ("lane_points", np.int64),  # of the lane; 0: there is none
     ]
 )
 """Type of the reference of a planner for one scan."""
@@ -179,18 +188,18 @@ def driver_record(
     row["car"], row["max_speed"], row["late"] = astuple(car), max_speed, late
     for flag in FLAGS:
         row[flag] = flag in stages
-    row["held"] = "limiter" in stages
+    row["has_limiter"] = "limiter" in stages
     row["prediction"] &= late < MOST_LATE
     if limiter is not None:
         row["limiter"] = limiter.record
     return row
 
 
-DRIVEN = np.dtype(
+TICK = np.dtype(
     [
         ("driver", DRIVER),
-        ("scan", SCAN),  # this tick's scan and odometry; from guidance on, of tires that need slip angles, as seen
-        ("odometry", ODOMETRY),  # from the course, see slip
+        ("geometry", SCAN_GEOMETRY),  # of this tick; from guidance on in the velocity frame, see slip,
+        ("odometry", ODOMETRY),  # of a car whose tires need slip angles
         ("reference", REFERENCE),
         ("memory", DRIVING_MEMORY),
         ("decided", np.bool_),  # there is a command for this tick
@@ -201,7 +210,7 @@ DRIVEN = np.dtype(
 
 @kernel
 def refer_to_goal(
-    scan: Record,
+    geometry: Record,
     filtered: FloatArray,
     odometry: Record,
     driver: Record,
@@ -212,7 +221,7 @@ def refer_to_goal(
     """Write the reference that leads to a goal, along an arc or by the goal's bearing.
 
     Args:
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       filtered: readings as the planner left them (n,) [m], for the mean range towards the goal.
       odometry: of type ODOMETRY.
       driver: of type DRIVER.
@@ -226,12 +235,12 @@ def refer_to_goal(
     else:
         reach = min(distance, max(settings.pursuit_distance, settings.pursuit_time * odometry.speed))
         steering_angle = pursue(bearing, reach, car.lidar_offset, car.wheelbase)
-    refer(scan, filtered, driver, steering_angle, driver.max_speed, bearing, distance, reference)
+    refer(geometry, filtered, driver, steering_angle, driver.max_speed, bearing, distance, reference)
 
 
 @kernel
 def refer(
-    scan: Record,
+    geometry: Record,
     filtered: FloatArray,
     driver: Record,
     steering_angle: float,
@@ -243,13 +252,13 @@ def refer(
     """Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""
     reference.steering_angle, reference.bearing, reference.distance = steering_angle, bearing, distance
     reference.speed = reference.own_speed = min(speed, driver.max_speed)
-    reference.limit, reference.places, reference.plan = math.inf, 0, 0
+    reference.limit, reference.lane_points, reference.plan = math.inf, 0, 0
     if math.isnan(bearing):
         reference.steering_angle = math.nan
     elif driver.mean_range:
         settings = driver.settings
-        goal = round((bearing - scan.angle_min) / scan.angle_increment)
-        half = round(0.5 * settings.front_width / scan.angle_increment)
+        goal = round((bearing - geometry.angle_min) / geometry.angle_increment)
+        half = round(0.5 * settings.front_width / geometry.angle_increment)
         front = filtered[max(goal - half, 0) : max(goal + half + 1, 0)]
         by_mean = mean_range_speed(front, settings.lookahead, settings.mean_range_gain, driver.max_speed)
         reference.speed = min(reference.speed, by_mean)

@@ -5,8 +5,8 @@
 
         @staticmethod
         @kernel
-        def goal(scan, ranges, car, settings, shown):
-            keep(shown.extended, extend_disparities(ranges, scan.angle_increment, 0.3, 0.5 * car.width))
+        def goal(geometry, ranges, car, settings, debug):
+            write_debug(debug.extended, extend_disparities(ranges, geometry.angle_increment, 0.3, 0.5 * car.width))
             ...
             return bearing, distance
 
@@ -14,7 +14,7 @@ A `GoalPlanner` finds a goal in the scan. Steering to the goal, speed, safety an
 them (driving). A `Planner` whose reference is more than a goal in the scan has a kernel `reference` instead, which
 also reads odometry, the planner's memory and a line through the map:
 
-    def reference(scan, ranges, odometry, car, settings, memory, line):
+    def reference(geometry, ranges, odometry, car, settings, memory, line):
         return steering_angle, speed, bearing
 
 The planners of many worlds are a batch, whose tick is a few compiled calls (planner_batch). A planner that is called
@@ -45,7 +45,7 @@ from fg_mujoco.messages import (
     require,
 )
 
-from ..perception.intermediate_scans import IntermediateScans, keep
+from ..perception.intermediate_scans import IntermediateScans, write_debug
 from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import sees
 from ..safety.braking_trajectories import trajectories_of
@@ -69,7 +69,7 @@ class Planner(Remade):
     angle [rad] (NaN: brake), the greatest speed [m/s], and the bearing [rad] that the car looks towards. Its
     arguments:
 
-    scan       of the geometry of the scan, of type scan_geometry.SCAN
+    geometry   of the scan, of type scan_geometry.SCAN_GEOMETRY
     ranges     (n,) [m], without NaN or inf
     odometry   of type messages.ODOMETRY
     car        fields of CarParameters
@@ -238,13 +238,13 @@ class Planner(Remade):
         """
         return motion_ahead(self._alone.memory[0]["guidance"])
 
-    def kept(self, stage: str) -> Any:
-        """Return what a stage keeps, by the stage's name.
+    def stage_state(self, stage: str) -> Any:
+        """Return the memory of a stage, by the stage's name.
 
         Raises:
           KeyError: the planner does not have this stage.
         """
-        return self._alone.kept[stage][0]
+        return self._alone.stage_states[stage][0]
 
 
 class GoalPlanner(Planner):
@@ -253,11 +253,11 @@ class GoalPlanner(Planner):
     A subclass names its `Settings` and has a kernel `goal`, which returns the goal's bearing [rad] (NaN: there is none,
     and the car brakes) and its distance from the LiDAR [m]. Its arguments:
 
-    scan       of the geometry of the scan, of type scan_geometry.SCAN
+    geometry   of the scan, of type scan_geometry.SCAN_GEOMETRY
     ranges     (n,) [m], without NaN or inf; of two beams or more, and not all 0
     car        fields of CarParameters
     settings   fields of `Settings`
-    shown      IntermediateScans, to be written to
+    debug      IntermediateScans, to be written to: for pictures, no command depends on them
 
     Arguments and errors are those of Planner.
     """
@@ -277,19 +277,19 @@ class GoalPlanner(Planner):
 
     def intermediate_scans(self, scan: LaserScan) -> dict[str, FloatArray]:
         """Return the intermediate scans, see Planner."""
-        _, shown = self._look(scan)
-        made = {name: ranges for name, ranges in shown._asdict().items() if not np.isnan(ranges).all()}
+        _, debug = self._look(scan)
+        made = {name: ranges for name, ranges in debug._asdict().items() if not np.isnan(ranges).all()}
         return super().intermediate_scans(scan) | made
 
     def _look(self, scan: LaserScan) -> tuple[Any, IntermediateScans]:
         """Return the reference at rest, a row of type REFERENCE, and the intermediate scans, NaN where not written."""
         batch = PlannerBatch(type(self), [self])
         batch.refer(scan, scan.ranges[np.newaxis], np.zeros(1, ODOMETRY), np.ones(1, np.bool_))
-        return batch.references[0], IntermediateScans(*batch.shown)
+        return batch.references[0], IntermediateScans(*batch.debug)
 
 
-_REFERENCE = ("scan", "ranges", "odometry", "car", "settings", "memory", "line")
-_GOAL = ("scan", "ranges", "car", "settings", "shown")
+_REFERENCE = ("geometry", "ranges", "odometry", "car", "settings", "memory", "line")
+_GOAL = ("geometry", "ranges", "car", "settings", "debug")
 
 
 def _own_kernel(cls: type, name: str, accepted: tuple[str, ...]) -> Callable[..., Any]:
@@ -311,17 +311,19 @@ def _goals_of_worlds(goal: Callable[..., tuple[float, float]]) -> Callable[..., 
 
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
-        scan, odometry, running, own, driven, lines, valid, shown
+        geometry, odometry, running, planner_states, ticks, lines, ranges, debug
     ):
-        scans = IntermediateScans(shown[0], shown[1], shown[2], shown[3])
+        scans = IntermediateScans(debug[0], debug[1], debug[2], debug[3])
         for world in range(len(running)):
             if running[world]:
-                driver, bearing, distance = driven[world].driver, math.nan, 0.0
-                if sees(scan[0], valid[world]):
-                    keep(scans.filtered, valid[world])
-                    bearing, distance = goal(scan[0], valid[world], driver.car, own[world].settings, scans)
-                reference = driven[world].reference
-                refer_to_goal(scan[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
+                driver, bearing, distance = ticks[world].driver, math.nan, 0.0
+                if sees(geometry[0], ranges[world]):
+                    write_debug(scans.filtered, ranges[world])
+                    bearing, distance = goal(
+                        geometry[0], ranges[world], driver.car, planner_states[world].settings, scans
+                    )
+                reference = ticks[world].reference
+                refer_to_goal(geometry[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
 
     made: Callable[..., None] = refer_worlds
     return made
@@ -332,19 +334,19 @@ def _references_of_worlds(reference: Callable[..., tuple[float, float, float]]) 
 
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
-        scan, odometry, running, own, driven, lines, valid, shown
+        geometry, odometry, running, planner_states, ticks, lines, ranges, debug
     ):
         for world in range(len(running)):
             if running[world]:
-                driver, planner = driven[world].driver, own[world]
+                driver, planner = ticks[world].driver, planner_states[world]
                 steering_angle, speed, bearing = math.nan, 0.0, math.nan
-                if sees(scan[0], valid[world]):
+                if sees(geometry[0], ranges[world]):
                     line = lines[driver.line_first : driver.line_end]
                     steering_angle, speed, bearing = reference(
-                        scan[0], valid[world], odometry[world], driver.car, planner.settings, planner.memory, line
+                        geometry[0], ranges[world], odometry[world], driver.car, planner.settings, planner.memory, line
                     )
-                reference_row = driven[world].reference
-                refer(scan[0], valid[world], driver, steering_angle, speed, bearing, math.nan, reference_row)
+                reference_row = ticks[world].reference
+                refer(geometry[0], ranges[world], driver, steering_angle, speed, bearing, math.nan, reference_row)
 
     made: Callable[..., None] = refer_worlds
     return made

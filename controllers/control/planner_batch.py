@@ -25,10 +25,10 @@ from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import ODOMETRY, FloatArray, LaserScan, Reading, ScanGeometry
 
 from ..perception.intermediate_scans import IntermediateScans
-from ..perception.scan_geometry import SCAN, scan_values
+from ..perception.scan_geometry import SCAN_GEOMETRY, geometry_values
 from ..safety.braking_trajectories import TRAJECTORIES
 from .decision import begin, drive
-from .driving import DRIVEN, DRIVING_MEMORY
+from .driving import DRIVING_MEMORY, TICK
 from .planner_settings import record_type
 from .stages import ARRAYS, NO_MEMORY, STAGE_ARRAYS, Step, call_all, refer_at, see_at, stage_at
 
@@ -48,8 +48,8 @@ class PlannerBatch:
     Attributes:
       references: of the last tick, (n,) of type REFERENCE.
       memory: what driving keeps from tick to tick, (n,) of type DRIVING_MEMORY.
-      kept: what each stage keeps from tick to tick, by its name, (n,) of its type.
-      shown: intermediate scans of the last world that was decided, (4, beams) [m], in the order of IntermediateScans.
+      stage_states: memory of each stage by the stage's name, (n,) of its type.
+      debug: intermediate scans of the last world that was decided, (4, beams) [m], in the order of IntermediateScans.
 
     Raises:
       ControllerError: a planner of another class.
@@ -64,17 +64,20 @@ class PlannerBatch:
         count, self._read = len(planners), planner_class.read
         tables = {id(p.trajectories): p.trajectories for p in planners if p.trajectories is not None}
         ends_of_tables = np.cumsum([len(table) for table in tables.values()]).tolist()
-        places = {table: end - len(tables[table]) for table, end in zip(tables, ends_of_tables, strict=True)}
+        first_tables = {table: end - len(tables[table]) for table, end in zip(tables, ends_of_tables, strict=True)}
         lines = {id(p.line): p.line for p in planners if p.line is not None}
         ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
-        self._guided = 1 if planner_class.hides_cars else 0  # which of the scans guidance has; the last is `clear`
-        self._driven = np.zeros(count, DRIVEN)
-        own = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
-        self._own = np.zeros(count, np.dtype(own))
+        self._guided = 1 if planner_class.hides_cars else 0  # which of the scans guidance has; the last has no movers
+        self._ticks = np.zeros(count, TICK)
+        state = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
+        self._planner_states = np.zeros(count, np.dtype(state))
         for world, planner in enumerate(planners):
-            self._driven["driver"][world], self._own["settings"][world] = planner.driver[0], planner.settings_row[0]
-            driver = self._driven["driver"][world]
-            driver["trajectories"] = places.get(id(planner.trajectories), 0)
+            self._ticks["driver"][world], self._planner_states["settings"][world] = (
+                planner.driver[0],
+                planner.settings_row[0],
+            )
+            driver = self._ticks["driver"][world]
+            driver["trajectories"] = first_tables.get(id(planner.trajectories), 0)
             if planner.line is not None:
                 end = ends[id(planner.line)]
                 driver["line_first"], driver["line_end"] = end - len(planner.line), end
@@ -86,45 +89,47 @@ class PlannerBatch:
         self._tables: list[ArrayTable] = []
         self._lent: list[ArrayTable] = []
         self._arrays: dict[str, Any] = {
-            "scan": np.zeros(1, SCAN), "own": self._own, "driven": self._driven, "lines": self._lines,
-            "trajectories": self._trajectories,
+            "geometry": np.zeros(1, SCAN_GEOMETRY), "planner_states": self._planner_states, "ticks": self._ticks,
+            "lines": self._lines, "trajectories": self._trajectories,
         }  # fmt: skip
-        self.shown = np.empty((len(IntermediateScans._fields), 0))
-        self.references, self.memory = self._driven["reference"], self._driven["memory"]
+        self.debug = np.empty((len(IntermediateScans._fields), 0))
+        self.references, self.memory = self._ticks["reference"], self._ticks["memory"]
         stages = {name: stage for planner in planners for name, (stage, _) in planner.stages.items()}
-        self.kept = {name: np.zeros(count, stage.own) for name, stage in stages.items()}
+        self.stage_states = {name: np.zeros(count, stage.state_type) for name, stage in stages.items()}
         has = {name: np.array([name in planner.stages for planner in planners]) for name in stages}
         for world, planner in enumerate(planners):
             for name, (stage, first) in planner.stages.items():
                 if stage.first is not None:  # else nothing is written, and takes no memory
-                    self.kept[name][world] = first[0]
-        self._first = {name: kept.copy() for name, kept in self.kept.items() if stages[name].first is not None}
+                    self.stage_states[name][world] = first[0]
+        self._first = {
+            name: state.copy() for name, state in self.stage_states.items() if stages[name].first is not None
+        }
         self._steps: list[tuple[Any, dict[str, NDArray[Any]]]] = []
         self._calls = np.empty((0, 2), np.int64)  # the same by address, for the arrays that were given last
         nothing, all_worlds = np.zeros(count, NO_MEMORY), np.ones(count, np.bool_)
 
-        def add(step: Step | None, active: NDArray[np.bool_], own: NDArray[np.void]) -> None:
+        def add(step: Step | None, active: NDArray[np.bool_], states: NDArray[np.void]) -> None:
             if step is not None and active.any():
-                self._steps.append((stage_at(step, own.dtype), {"active": active, "own": own}))
+                self._steps.append((stage_at(step, states.dtype), {"active": active, "stage_states": states}))
 
-        def add_stages(place: str) -> None:
+        def add_stages(when: str) -> None:
             for name, stage in stages.items():
-                add(getattr(stage, place), has[name], self.kept[name])
+                add(getattr(stage, when), has[name], self.stage_states[name])
 
         self._steps.append((see_at, {}))
         if not planner_class.hides_cars:
             add_stages("before_reference")
-        self._steps.append((refer_at(planner_class.refer_worlds, self._own.dtype), {}))
+        self._steps.append((refer_at(planner_class.refer_worlds, self._planner_states.dtype), {}))
         self._until_reference = len(self._steps)
-        for place in ("after_reference", "before_guidance"):
-            add_stages(place)
+        for when in ("after_reference", "before_guidance"):
+            add_stages(when)
         add(begin, all_worlds, nothing)
-        for place in ("guide", "after_guidance"):
-            add_stages(place)
+        for when in ("guide", "after_guidance"):
+            add_stages(when)
         last = [planner.driven_by for planner in planners]
         for name in dict.fromkeys(last):
             drives = np.array([name == each for each in last])
-            add(stages[name].drive if name else drive, drives, self.kept[name] if name else nothing)
+            add(stages[name].drive if name else drive, drives, self.stage_states[name] if name else nothing)
         add_stages("after_driving")
 
     def compile(self) -> None:
@@ -136,10 +141,10 @@ class PlannerBatch:
         """Forget everything seen so far, in all worlds or in those `which` (n,)."""
         if not self._used:
             return
-        self._own["memory"][which] = np.zeros((), self._own.dtype["memory"])
-        self._driven["memory"][which] = np.zeros((), DRIVING_MEMORY)
-        for name, kept in self.kept.items():
-            kept[which] = self._first[name][which] if name in self._first else np.zeros((), kept.dtype)
+        self._planner_states["memory"][which] = np.zeros((), self._planner_states.dtype["memory"])
+        self._ticks["memory"][which] = np.zeros((), DRIVING_MEMORY)
+        for name, state in self.stage_states.items():
+            state[which] = self._first[name][which] if name in self._first else np.zeros((), state.dtype)
 
     def __call__(
         self,
@@ -158,7 +163,7 @@ class PlannerBatch:
 
     def take_readings(self, world: int, readings: Mapping[str, Reading]) -> None:
         """Take the readings of the sensors of a world's car; see ControllerBatch."""
-        self._read(self._own["memory"][world], readings)
+        self._read(self._planner_states["memory"][world], readings)
 
     def refer(
         self,
@@ -182,7 +187,7 @@ class PlannerBatch:
         """Return the calls that replace this one, see ControllerBatch."""
         self._take(geometry, ranges, odometry, running, commands)
         self._given = ()  # from now on nobody puts anything else into these tables
-        self._arrays["scan"] = self._arrays["scan"].copy()
+        self._arrays["geometry"] = self._arrays["geometry"].copy()
         self._lent += self._tables
         return self._calls
 
@@ -197,20 +202,20 @@ class PlannerBatch:
         """Put the arrays of a call into the tables, unless they are those of the last call."""
         self._used = True
         if geometry is not self._geometry:  # neither a scan nor a geometry changes
-            self._arrays["scan"][0], self._geometry = scan_values(geometry), geometry
-        ranges, running = np.ascontiguousarray(ranges, np.float64), np.ascontiguousarray(running, np.bool_)
+            self._arrays["geometry"][0], self._geometry = geometry_values(geometry), geometry
+        measured, running = np.ascontiguousarray(ranges, np.float64), np.ascontiguousarray(running, np.bool_)
         odometry, given = np.ascontiguousarray(odometry, ODOMETRY), self._given
-        if given and given[0] is ranges and given[1] is odometry and given[2] is running and given[3] is commands:
+        if given and given[0] is measured and given[1] is odometry and given[2] is running and given[3] is commands:
             return
-        beams = ranges.shape[1]
-        if "valid" not in self._arrays or beams != self.shown.shape[1]:
+        beams = measured.shape[1]
+        if "ranges" not in self._arrays or beams != self.debug.shape[1]:
             count = len(running)
-            valid = np.empty(((2 + self._guided) * count, beams))
-            guiding = valid[self._guided * count : (1 + self._guided) * count]
-            self.shown = np.full((len(self.shown), beams), math.nan)
-            self._arrays |= {"valid": valid, "guiding": guiding, "shown": self.shown}
+            taken = np.empty(((2 + self._guided) * count, beams))
+            without_cars = taken[self._guided * count : (1 + self._guided) * count]
+            self.debug = np.full((len(self.debug), beams), math.nan)
+            self._arrays |= {"ranges": taken, "ranges_without_cars": without_cars, "debug": self.debug}
             given = ()
-        new = {"ranges": ranges, "odometry": odometry, "running": running, "commands": commands}
+        new = {"measured": measured, "odometry": odometry, "running": running, "commands": commands}
         self._arrays |= new
         if given:
             for name, array in new.items():
@@ -218,12 +223,14 @@ class PlannerBatch:
         else:
             self._table = ArrayTable(ARRAYS, self._arrays)
             batch = {"batch": self._table.rows}
-            self._tables = [ArrayTable(STAGE_ARRAYS, batch | own) if own else self._table for _, own in self._steps]
+            self._tables = [
+                ArrayTable(STAGE_ARRAYS, batch | states) if states else self._table for _, states in self._steps
+            ]
             calls = [(kernel, table.address) for (kernel, _), table in zip(self._steps, self._tables, strict=True)]
             # From the last on: another process may be compiling the same from the first on.
             found = [(kernel.address(address), address) for kernel, address in reversed(calls)]
             self._calls = np.array(found[::-1], np.int64)
-        self._given = ranges, odometry, running, commands
+        self._given = measured, odometry, running, commands
 
 
 def _joined(tables: list[NDArray[Any]], none: NDArray[Any]) -> NDArray[Any]:

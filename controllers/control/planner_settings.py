@@ -18,7 +18,7 @@ A setting of the method, `setting_of_method`, has two defaults: the value of the
 refined here. Its default is None, which means the one of the planner's `method`; `for_method` replaces it.
 
 The planners of a batch are an array of rows, one for each world. A kernel reads a field by its name,
-`p.settings.radius`. A setting that is one of some words is stored as the place of its word: 0, 1. A plain `str`, such
+`p.settings.radius`. A setting that is one of some words is stored as the index of its word: 0, 1. A plain `str`, such
 as a path, is not stored.
 """
 

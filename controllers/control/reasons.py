@@ -17,7 +17,7 @@ import numpy as np
 from fg_mujoco.compiled.kernels import inlined
 from fg_mujoco.messages import FloatArray
 
-MAXIMUM, PLANNER, LAST_PLAN, NO_PLAN, MEAN_RANGE, GUIDANCE, MOVES, KNOWN_LINE, NO_REFERENCE, AHEAD = range(10)
+MAXIMUM, PLANNER, LAST_PLAN, NO_PLAN, MEAN_RANGE, GUIDANCE, MOVES, REMEMBERED_LINE, NO_REFERENCE, AHEAD = range(10)
 LAW, AFTER_RECOVERY, SIGHT, PLAN_IN_TIME, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(10, 20)
 
 _STEPS = (
@@ -28,7 +28,7 @@ _STEPS = (
     ("mean range", "slower where the mean range towards the goal is short"),
     ("guidance", "leads the car along a motion, or slows it, where the planner's goal does not lead on"),
     ("turning in moves", "guidance turns the car in several moves, forward and in reverse"),
-    ("known line", "follows a line through the ground of the first lap"),
+    ("remembered line", "follows a line through the ground of the first lap"),
     ("no reference", "there is no goal, or no odometry: the car brakes and keeps its steering angle"),
     ("distance ahead", "slower where the distance straight ahead is short"),
     ("friction law", "v = sqrt(g mu b / tan|d|) of the steering angle, and nothing besides"),
@@ -64,7 +64,7 @@ def forget_reasons(reasons: FloatArray) -> None:
 
 
 @inlined
-def note(reasons: FloatArray, step: int, steering_angle: float, speed: float) -> None:
+def log_step(reasons: FloatArray, step: int, steering_angle: float, speed: float) -> None:
     """Write what a step made of the reference into a table of type REASONS."""
     reasons[step, 0], reasons[step, 1] = steering_angle, speed
 

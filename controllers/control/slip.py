@@ -14,7 +14,8 @@ and its rear axle moves outwards of its heading by the rear slip angle (T. Gille
    one in front is left to the planner's feedback.
 2. An arc is no tighter than the lock leaves, and no faster than the critical speed, at which an oversteering car turns
    in by itself: b + v^2 / g d(lead)/d(a / g) = 0 (`tightest_arc`, `fastest_on`).
-3. Scan and yaw rate are seen from the course, where the rear axle moves, not from the heading (`see_from_course`).
+3. Scan and yaw rate are taken in the velocity frame: its x axis is the direction in which the rear axle moves, not the
+   heading (`to_velocity_frame`).
 4. The path follows the steering over a way of its own (`path_lag`), in all that is simulated.
 5. A car that brakes and has no path to follow is steered against turning in by itself (`held_arc`).
 
@@ -33,7 +34,7 @@ from numpy.typing import NDArray
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray
 
-from ..perception.scan_geometry import SCAN, period_of
+from ..perception.scan_geometry import SCAN_GEOMETRY, period_of
 from .planner_settings import Record
 from .steering import late_by, saturate
 
@@ -51,7 +52,7 @@ _AXLE = np.dtype([("B", np.float64), ("C", np.float64), ("D", np.float64)])  # C
 
 SLIP = np.dtype(
     [
-        ("soft", np.bool_),  # the tires need slip angles; the rest is zero where not
+        ("needs_slip_angle", np.bool_),  # the tires need slip angles; the rest is zero where not
         ("front", _AXLE),
         ("rear", _AXLE),
         ("rear_stiffness", np.float64),  # [1/rad]
@@ -67,23 +68,24 @@ SLIP = np.dtype(
 )
 """Type of the row that the kernels here read of a car."""
 
-COURSE = np.dtype(
+VELOCITY_FRAME = np.dtype(
     [
         ("angle", np.float64),  # [rad] from the heading to where the rear axle moves, positive to the left
-        ("scan", SCAN),  # seen from the course
-        ("odometry", ODOMETRY),  # the yaw rate is the course's, the steering angle the arc's
+        ("geometry", SCAN_GEOMETRY),  # in the velocity frame
+        ("odometry", ODOMETRY),  # with the frame's own yaw rate, and the steering angle of the arc
     ]
 )
-"""Type of what `see_from_course` keeps from tick to tick; zero at the beginning."""
+"""Type of what `to_velocity_frame` keeps from tick to tick; zero at the beginning."""
 
 
 def slip_row(car: CarParameters, lateral: float) -> NDArray[np.void]:
     """Return a row of type SLIP, shape (1,), of a car that corners with `lateral` [m/s^2] at most."""
     row = np.zeros(1, SLIP)
-    row["soft"] = math.isfinite(car.front_cornering_stiffness) or math.isfinite(car.rear_cornering_stiffness)
-    if not row["soft"][0]:
-        return row
     slip = row[0]
+    stiffness = min(car.front_cornering_stiffness, car.rear_cornering_stiffness)
+    slip["needs_slip_angle"] = math.isfinite(stiffness)
+    if not slip["needs_slip_angle"]:
+        return row
     slip["front"] = _formula(car.front_cornering_stiffness, car.front_peak, car.front_peak_slip)
     slip["rear"] = _formula(car.rear_cornering_stiffness, car.rear_peak, car.rear_peak_slip)
     slip["rear_stiffness"] = car.rear_cornering_stiffness
@@ -98,11 +100,11 @@ def slip_row(car: CarParameters, lateral: float) -> NDArray[np.void]:
     slip["steady"] = np.maximum(needed, slip["lead"])
     gradient = np.minimum.accumulate(np.gradient(needed, forces))
     slip["top_speed"] = car.max_speed
-    for place, speed in enumerate(np.linspace(0.0, car.max_speed, _SPEEDS).tolist()):
+    for index, speed in enumerate(np.linspace(0.0, car.max_speed, _SPEEDS).tolist()):
         stable = forces[gradient >= -car.wheelbase * car.gravity / max(speed, 1e-3) ** 2]
         force = max(stable.max(initial=0.0), _LEAST_USE * most)
         lock, wheelbase, gravity = car.max_steering_angle, car.wheelbase, car.gravity
-        slip["tightest"][place] = _arc_within(slip, lock, speed, lock, wheelbase, gravity, force)
+        slip["tightest"][index] = _arc_within(slip, lock, speed, lock, wheelbase, gravity, force)
     return row
 
 
@@ -135,9 +137,9 @@ def _lead(slip: Record, force: float) -> float:
 @kernel
 def _read(table: FloatArray, share: float) -> float:
     """Return a value of a table over the lateral acceleration, at a share of the greatest."""
-    place = min(share, 1.0) * (_FORCES - 1)
-    at = min(int(place), _FORCES - 2)
-    return float(table[at] + (place - at) * (table[at + 1] - table[at]))
+    position = min(share, 1.0) * (_FORCES - 1)
+    at = min(int(position), _FORCES - 2)
+    return float(table[at] + (position - at) * (table[at + 1] - table[at]))
 
 
 @kernel
@@ -190,9 +192,9 @@ def _arc_within(
 @kernel
 def tightest_arc(slip: Record, speed: float) -> float:
     """Return the greatest angle [rad] of an arc that lock and critical speed leave at `speed` [m/s]."""
-    place = min(abs(speed) / slip.top_speed, 1.0) * (_SPEEDS - 1)
-    at = min(int(place), _SPEEDS - 2)
-    return float(slip.tightest[at] + (place - at) * (slip.tightest[at + 1] - slip.tightest[at]))
+    position = min(abs(speed) / slip.top_speed, 1.0) * (_SPEEDS - 1)
+    at = min(int(position), _SPEEDS - 2)
+    return float(slip.tightest[at] + (position - at) * (slip.tightest[at + 1] - slip.tightest[at]))
 
 
 @kernel
@@ -223,7 +225,7 @@ def held_arc(slip: Record, car: Record, angle: float, curvature: float) -> float
       angle: of the arc of the wheels [rad].
       curvature: of the path that the car is on [1/m].
     """
-    if not slip.soft:
+    if not slip.needs_slip_angle:
         return angle
     more = curvature - math.tan(angle) / car.wheelbase
     if not more * curvature > 0.0:
@@ -240,39 +242,42 @@ def path_lag(slip: Record, speed: float) -> float:
 @kernel
 def late_on_path(slip: Record, car: Record, speed: float) -> float:
     """Return by how much later the path of a car follows its commands than the F1TENTH car's [s], see `path_lag`."""
-    if not slip.soft:
+    if not slip.needs_slip_angle:
         return late_by(car)
     return float(late_by(car) + path_lag(slip, speed) / max(speed, _SLOW))
 
 
 @kernel
-def course_angle(slip: Record, car: Record, speed: float, yaw_rate: float) -> float:
+def velocity_angle(slip: Record, car: Record, speed: float, yaw_rate: float) -> float:
     """Return the direction in which the rear axle moves, from the car's heading [rad]; 0 of tires that are not soft."""
-    if not (slip.soft and speed > 0.0 and math.isfinite(speed * yaw_rate)):
+    if not (slip.needs_slip_angle and speed > 0.0 and math.isfinite(speed * yaw_rate)):
         return 0.0
     force = min(abs(speed * yaw_rate) / car.gravity, slip.most)
     return float(-math.copysign(force / slip.rear_stiffness, yaw_rate))
 
 
 @kernel
-def see_from_course(slip: Record, car: Record, scan: Record, odometry: Record, course: Record) -> float:
-    """Write a scan and a motion as seen from the course; return the curvature [1/m] of the path that the car is on.
+def to_velocity_frame(slip: Record, car: Record, geometry: Record, odometry: Record, frame: Record) -> float:
+    """Write a scan's geometry and a motion in the velocity frame; return the curvature [1/m] of the car's path.
 
     Args:
       slip: of type SLIP.
       car: of type CAR.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       odometry: of type ODOMETRY.
-      course: of type COURSE, written to.
+      frame: of type VELOCITY_FRAME, written to.
     """
-    speed, yaw_rate, seen, last = odometry.speed, odometry.angular_velocity[2], course.odometry, course.angle
-    course.angle = course_angle(slip, car, speed, yaw_rate)
-    course.scan.angle_min, course.scan.angle_increment = scan.angle_min - course.angle, scan.angle_increment
-    course.scan.range_max, course.scan.scan_time = scan.range_max, scan.scan_time
+    speed, yaw_rate, seen, last = odometry.speed, odometry.angular_velocity[2], frame.odometry, frame.angle
+    frame.angle = velocity_angle(slip, car, speed, yaw_rate)
+    frame.geometry.angle_min, frame.geometry.angle_increment = (
+        geometry.angle_min - frame.angle,
+        geometry.angle_increment,
+    )
+    frame.geometry.range_max, frame.geometry.scan_time = geometry.range_max, geometry.scan_time
     seen.stamp, seen.speed = odometry.stamp, speed
     seen.steering_angle = arc_angle(slip, car, odometry.steering_angle, speed)
     seen.angular_velocity[:], seen.linear_acceleration[:] = odometry.angular_velocity, odometry.linear_acceleration
-    seen.angular_velocity[2] += (course.angle - last) / period_of(scan)
+    seen.angular_velocity[2] += (frame.angle - last) / period_of(geometry)
     seen.wheel_speeds[:], seen.pose[:] = odometry.wheel_speeds, odometry.pose
     if speed > _SLOW:
         return float(yaw_rate / speed)

@@ -1,7 +1,9 @@
 """Stages: what stands between a planner's reference and the car's command, as compiled calls.
 
     @kernel
-    def creep(scan, valid, guiding, clear, driven, lines, trajectories, own, command):
+    def creep(
+        geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
+    ):
         command[1] = min(command[1], 1.0)
 
     CREEP = Stage(text="at most 1 m/s", after_driving=creep)
@@ -14,15 +16,16 @@ called in the order of the kernels of `Stage`; in between every planner sees, re
 
 The arguments are those of one world:
 
-scan          geometry of the scan, of type SCAN
-valid         readings (n,) [m], without NaN or inf
-guiding       the same for guidance; of a planner that sees other cars, without them
-clear         the same without targets that move, for the safety filter; undefined where nothing moves
-driven        of type driving.DRIVEN: the planner, its odometry, its reference and its memory; written to
-lines         points of the lines through the map, of all planners: driver.line_first to driver.line_end are its own
-trajectories  tables of type TRAJECTORIES, of all planners: driver.trajectories is the first of its own
-own           what the stage keeps of this world, of its type `own`; written to
-command       (2,) steering angle [rad] and speed [m/s], written to
+geometry               of the scan, of type SCAN_GEOMETRY
+ranges                 readings (n,) [m], without NaN or inf
+ranges_without_cars    the same for guidance; a planner that sees other cars has taken them out
+ranges_without_movers  the same without targets that move, for the safety filter; undefined where nothing moves
+tick                   of type driving.TICK: the planner, its odometry, reference and memory; written to
+lines                  points of the lines through the map, of all planners; this planner's are those from
+                       driver.line_first to driver.line_end
+trajectories           tables of type TRAJECTORIES, of all planners; this planner's begin at driver.trajectories
+stage_state            of the stage's `state_type`: its memory in this world; written to
+command                (2,) steering angle [rad] and speed [m/s], written to
 """
 
 from __future__ import annotations
@@ -39,11 +42,10 @@ from fg_mujoco.compiled.array_table import flags, matrix, read_only, rows, table
 from fg_mujoco.compiled.kernels import call_at, kernel
 from fg_mujoco.messages import ODOMETRY
 
-from ..perception.intermediate_scans import keep
-from ..perception.scan_filters import valid_ranges
-from ..perception.scan_geometry import SCAN
+from ..perception.scan_filters import copy_ranges, valid_ranges
+from ..perception.scan_geometry import SCAN_GEOMETRY
 from ..safety.braking_trajectories import TRAJECTORIES
-from .driving import DRIVEN
+from .driving import TICK
 
 NO_MEMORY = np.dtype([("unused", np.int8)])
 """Type of the record of a stage, or of a planner, that keeps nothing."""
@@ -64,10 +66,10 @@ class Stage:
       after_reference: the same once the planner has referred.
       before_guidance: the same after all of those.
       guide: the same once the decision has begun.
-      after_guidance: the same; if it decides, it sets `driven.decided`.
+      after_guidance: the same; if it decides, it sets `tick.decided`.
       drive: writes the command, unless there is one. Of a planner's stages only the last one that has it is called.
       after_driving: the same once there is a command.
-      own: type of what the stage keeps of a world.
+      state_type: type of the stage's memory in a world.
       first: returns the record, shape (1,), with which a Planner begins; None: all zero.
       frictions: coefficients for which the planner needs braking trajectories, in place of the one that it assumes;
         its friction limiter is that of the first.
@@ -83,93 +85,99 @@ class Stage:
     after_guidance: Step | None = None
     drive: Step | None = None
     after_driving: Step | None = None
-    own: np.dtype[np.void] = NO_MEMORY
+    state_type: np.dtype[np.void] = NO_MEMORY
     first: Callable[[Any], NDArray[np.void]] | None = None
     frictions: tuple[float, ...] = ()
 
     def begin(self, planner: Any) -> NDArray[np.void]:
         """Return the record with which a planner begins. Shape (1,)."""
-        return np.zeros(1, self.own) if self.first is None else self.first(planner)
+        return np.zeros(1, self.state_type) if self.first is None else self.first(planner)
 
 
 ARRAYS = (
-    "scan", "ranges", "odometry", "running", "own", "driven", "lines", "trajectories", "valid", "guiding", "shown",
-    "commands",
+    "geometry", "measured", "odometry", "running", "planner_states", "ticks", "lines", "trajectories", "ranges",
+    "ranges_without_cars", "debug", "commands",
 )  # fmt: skip
 """Names of a batch's arrays, in the order in which the kernels find them."""
 
 _COUNT = len(ARRAYS)
 (
-    _SCAN, _RANGES, _ODOMETRY, _RUNNING, _OWN, _DRIVEN, _LINES, _TRAJECTORIES, _VALID, _GUIDING, _SHOWN, _COMMANDS,
+    _GEOMETRY, _MEASURED, _ODOMETRY, _RUNNING, _PLANNER_STATES, _TICKS, _LINES, _TRAJECTORIES, _RANGES,
+    _WITHOUT_CARS, _DEBUG, _COMMANDS,
 ) = range(_COUNT)  # fmt: skip
 
-STAGE_ARRAYS = ("batch", "active", "own")
-"""Names of the arrays of one stage: the table of its batch, the worlds that have the stage, and what it keeps."""
+STAGE_ARRAYS = ("batch", "active", "stage_states")
+"""Names of the arrays of one stage: the table of its batch, the worlds that have the stage, and its states."""
 
 
 @kernel
 def call_all(calls: NDArray[np.int64]) -> None:
     """Call kernels by their addresses, (k, 2): each address of code, and the number that it is called with."""
-    for place in range(len(calls)):
-        call_at(calls[place, 0], calls[place, 1])
+    for index in range(len(calls)):
+        call_at(calls[index, 0], calls[index, 1])
 
 
 @kernel
 def see_at(address: int) -> None:
     """Take the readings and the odometry of all running worlds, from the arrays of the table at an address."""
     table = table_at(address, _COUNT)
-    scan, ranges, valid = rows(table[_SCAN], SCAN), read_only(matrix(table[_RANGES])), matrix(table[_VALID])
-    odometry, running, driven = rows(table[_ODOMETRY], ODOMETRY), flags(table[_RUNNING]), rows(table[_DRIVEN], DRIVEN)
+    geometry, measured = rows(table[_GEOMETRY], SCAN_GEOMETRY), read_only(matrix(table[_MEASURED]))
+    odometry, running = rows(table[_ODOMETRY], ODOMETRY), flags(table[_RUNNING])
+    ranges, ticks = matrix(table[_RANGES]), rows(table[_TICKS], TICK)
     for world in range(len(running)):
         if running[world]:
-            keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
-            row = driven[world]
-            row.scan, row.odometry, row.decided = scan[0], odometry[world], False
+            copy_ranges(ranges[world], valid_ranges(measured[world], geometry[0].range_max))
+            tick = ticks[world]
+            tick.geometry, tick.odometry, tick.decided = geometry[0], odometry[world], False
 
 
 @cache
-def refer_at(refer_worlds: Callable[..., None], own: np.dtype[np.void]) -> Any:
+def refer_at(refer_worlds: Callable[..., None], state_type: np.dtype[np.void]) -> Any:
     """Return the kernel that calls `refer_worlds` with the arrays of the table at an address.
 
     Args:
       refer_worlds: of a planner's class.
-      own: type of what it reads and keeps of each world.
+      state_type: type of the planner's settings and memory in a world.
     """
 
     @kernel
     def refer_at(address):  # type: ignore[no-untyped-def]
         table = table_at(address, _COUNT)
         refer_worlds(
-            rows(table[_SCAN], SCAN), rows(table[_ODOMETRY], ODOMETRY), flags(table[_RUNNING]), rows(table[_OWN], own),
-            rows(table[_DRIVEN], DRIVEN), read_only(matrix(table[_LINES])), matrix(table[_VALID]),
-            matrix(table[_SHOWN]),
+            rows(table[_GEOMETRY], SCAN_GEOMETRY), rows(table[_ODOMETRY], ODOMETRY), flags(table[_RUNNING]),
+            rows(table[_PLANNER_STATES], state_type), rows(table[_TICKS], TICK), read_only(matrix(table[_LINES])),
+            matrix(table[_RANGES]), matrix(table[_DEBUG]),
         )  # fmt: skip
 
     return refer_at
 
 
 @cache
-def stage_at(step: Step, own: np.dtype[np.void]) -> Any:
+def stage_at(step: Step, state_type: np.dtype[np.void]) -> Any:
     """Return the kernel that calls a stage for all running worlds that have it, by the table of STAGE_ARRAYS.
 
     Args:
       step: kernel with the arguments above.
-      own: type of what the stage keeps of each world.
+      state_type: type of the stage's memory in a world.
     """
 
     @kernel
     def stage_at(address):  # type: ignore[no-untyped-def]
         stage = table_at(address, 3)
-        table, active, kept = whole_matrix(stage[0]), flags(stage[1]), rows(stage[2], own)
-        scan, running = rows(table[_SCAN], SCAN), flags(table[_RUNNING])
-        valid, guiding, driven = matrix(table[_VALID]), matrix(table[_GUIDING]), rows(table[_DRIVEN], DRIVEN)
+        table, active, states = whole_matrix(stage[0]), flags(stage[1]), rows(stage[2], state_type)
+        geometry, running, ticks = (
+            rows(table[_GEOMETRY], SCAN_GEOMETRY),
+            flags(table[_RUNNING]),
+            rows(table[_TICKS], TICK),
+        )
+        ranges, without_cars = matrix(table[_RANGES]), matrix(table[_WITHOUT_CARS])
         lines, commands = read_only(matrix(table[_LINES])), matrix(table[_COMMANDS])
         trajectories = read_only(rows(table[_TRAJECTORIES], TRAJECTORIES))
         for world in range(len(running)):
             if running[world] and active[world]:
                 step(
-                    scan[0], valid[world], guiding[world], valid[len(valid) - len(running) + world], driven[world],
-                    lines, trajectories, kept[world], commands[world],
+                    geometry[0], ranges[world], without_cars[world], ranges[len(ranges) - len(running) + world],
+                    ticks[world], lines, trajectories, states[world], commands[world],
                 )  # fmt: skip
 
     return stage_at

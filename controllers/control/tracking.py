@@ -21,17 +21,17 @@ _LENGTH, _LENGTH_TIME = 0.3, 0.1  # [m] and [s]: over which errors fall
 
 
 @kernel
-def next_place(points: FloatArray, place: int, x: float, y: float, heading: float) -> int:
-    """Return the index of the first point of a motion from `place` on that lies ahead of the car; the last, if none."""
+def next_point(points: FloatArray, index: int, x: float, y: float, heading: float) -> int:
+    """Return the index of the first point of a motion from `index` on that lies ahead of the car; the last, if none."""
     cos, sin = math.cos(heading), math.sin(heading)
-    while place + 1 < len(points) and cos * (points[place, X] - x) + sin * (points[place, Y] - y) <= 0.0:
-        place += 1
-    return place
+    while index + 1 < len(points) and cos * (points[index, X] - x) + sin * (points[index, Y] - y) <= 0.0:
+        index += 1
+    return index
 
 
 @kernel
 def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float, float, float]:
-    """Return the place of a car on the arc that ends at a point of a motion.
+    """Return the position of a car on the arc that ends at a point of a motion.
 
     That is how far ahead the end of the arc is [m], how far to the left of the arc the car is [m], and its angle to the
     arc [rad], positive to the left. Arguments as of `steer_within`.
@@ -46,7 +46,7 @@ def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float
 @kernel
 def steer_along(
     points: FloatArray,
-    place: int,
+    index: int,
     x: float,
     y: float,
     heading: float,
@@ -61,13 +61,13 @@ def steer_along(
     which errors fall is greater by the way of this time: a car that answers late would swing about the motion else.
     """
     length = _LENGTH + (_LENGTH_TIME + path_late) * max(speed, 0.0)
-    return steer_within(points, place, x, y, heading, speed, wheelbase, late, length)
+    return steer_within(points, index, x, y, heading, speed, wheelbase, late, length)
 
 
 @kernel
 def steer_within(
     points: FloatArray,
-    place: int,
+    index: int,
     x: float,
     y: float,
     heading: float,
@@ -80,7 +80,7 @@ def steer_within(
 
     Args:
       points: of the motion (n, 4 or more), see X; in the same frame as the car.
-      place: index of the next one, see `next_place`.
+      index: index of the next one, see `next_point`.
       x: of the rear axle [m].
       y: of the rear axle [m].
       heading: of the car [rad].
@@ -89,8 +89,8 @@ def steer_within(
       late: by how much its wheels turn later than the F1TENTH car's [s], see `late_by`.
       length: in which the distance falls [m].
     """
-    ahead, aside, angle = errors(points[place], x, y, heading)
-    along, at = ahead, place
+    ahead, aside, angle = errors(points[index], x, y, heading)
+    along, at = ahead, index
     while along < (LAG + late) * speed and at + 1 < len(points):
         along += math.hypot(points[at + 1, X] - points[at, X], points[at + 1, Y] - points[at, Y])
         at += 1

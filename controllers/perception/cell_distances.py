@@ -1,7 +1,7 @@
 """Distances over the free cells of the local map: from one cell by steps, and to some cells by ways of least cost.
 
     count, edges = flood(world, bits, distance, queue, edge, impassable)
-    spread(bits, to_go, goal, free, impassable)
+    dijkstra(bits, distance_to_goal, goal, free, impassable)
 
 A cell is one number, its column and row in the ring. Bits of cells are those of cell_marks.
 
@@ -25,7 +25,7 @@ from .local_map import EDGE, PER_METRE, RING, SIZE
 FAR = 65535
 """Distance of a cell to which no way is known."""
 UNIT = 0.01
-"""[m] of the distances of `spread`; those of `flood` are in cells."""
+"""[m] of the distances of `dijkstra`; those of `flood` are in cells."""
 LAST = SIZE * SIZE - 1
 """The greatest number of a cell."""
 
@@ -41,7 +41,7 @@ def cell_at(x: float, y: float) -> int:
 
 
 @kernel
-def place_of(world: Record, cell: int) -> tuple[int, int]:
+def indices_of(world: Record, cell: int) -> tuple[int, int]:
     """Return the column and the row of a cell of the window."""
     half = SIZE // 2
     i = world.column + (((cell // SIZE) - world.column + half) & RING) - half
@@ -93,24 +93,24 @@ def flood(
     while first < count:
         end = count
         looked_at = np.uint8(OPEN | WAY_BACK | (impassable if level >= _FREE_START else 0))
-        for place in range(first, end):
+        for index in range(first, end):
             unseen = np.uint8(0)
-            for cell in neighbours(queue[place]):
+            for cell in neighbours(queue[index]):
                 unseen |= bits[cell]
                 if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
                     distance[cell] = level + 1
                     queue[count] = cell
                     count += 1
             if level % 2 == 1:
-                for cell in _diagonal_neighbours(queue[place]):
+                for cell in _diagonal_neighbours(queue[index]):
                     if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
                         distance[cell] = level + 1
                         queue[count] = cell
                         count += 1
             if unseen & UNSEEN != 0:
-                i, j = place_of(world, queue[place])
+                i, j = indices_of(world, queue[index])
                 if abs(i - world.column) < EDGE and abs(j - world.row) < EDGE:
-                    edge[edges] = queue[place]
+                    edge[edges] = queue[index]
                     edges += 1
         first = end
         level += 1
@@ -118,14 +118,14 @@ def flood(
 
 
 @kernel
-def spread(
-    bits: NDArray[np.uint8], to_go: NDArray[np.uint16], goal: NDArray[np.uint16], free: int, impassable: int
+def dijkstra(
+    bits: NDArray[np.uint8], distance_to_goal: NDArray[np.uint16], goal: NDArray[np.uint16], free: int, impassable: int
 ) -> None:
     """Write the way to go [UNIT] from all free cells to the nearest cell of `goal`.
 
     Args:
       bits: of each cell.
-      to_go: of each cell, FAR; written to.
+      distance_to_goal: of each cell, FAR; written to.
       goal: cells.
       free: how many cells are free.
       impassable: bits of cells that are no way, besides WAY_BACK.
@@ -136,31 +136,31 @@ def spread(
     straight, diagonal = _costs(10, WAY_BACK | impassable), _costs(14, WAY_BACK | impassable)
     made, one = np.uintp(0), np.uintp(1)
     for cell in goal:
-        to_go[cell] = 0
+        distance_to_goal[cell] = 0
         cells[made], links[made] = cell, heads[0]
         heads[0] = made
         made += one
     level, empty = 0, 0
     while empty < _BUCKETS and made <= np.uintp(room - 8):
-        place = heads[level & _BUCKET]
-        if place < 0:
+        entry = heads[level & _BUCKET]
+        if entry < 0:
             level, empty = level + 1, empty + 1
             continue
         empty = 0
-        heads[level & _BUCKET] = links[place]
-        if to_go[cells[place]] != level:
+        heads[level & _BUCKET] = links[entry]
+        if distance_to_goal[cells[entry]] != level:
             continue  # it was reached by a shorter way meanwhile
-        for cell in neighbours(cells[place]):
+        for cell in neighbours(cells[entry]):
             cost = level + straight[bits[cell]]
-            if cost < to_go[cell]:
-                to_go[cell] = cost
+            if cost < distance_to_goal[cell]:
+                distance_to_goal[cell] = cost
                 cells[made], links[made] = cell, heads[cost & _BUCKET]
                 heads[cost & _BUCKET] = made
                 made += one
-        for cell in _diagonal_neighbours(cells[place]):
+        for cell in _diagonal_neighbours(cells[entry]):
             cost = level + diagonal[bits[cell]]
-            if cost < to_go[cell]:
-                to_go[cell] = cost
+            if cost < distance_to_goal[cell]:
+                distance_to_goal[cell] = cost
                 cells[made], links[made] = cell, heads[cost & _BUCKET]
                 heads[cost & _BUCKET] = made
                 made += one
@@ -168,7 +168,7 @@ def spread(
 
 @kernel
 def _costs(length: int, impassable: int) -> NDArray[np.int64]:
-    """Return the costs of a step onto a cell by its bits, in units of to_go: up to 4.5 times its length near a wall."""
+    """Return the costs of a step onto a cell by its bits [UNIT]: up to 4.5 times its length near a wall."""
     costs = np.full(256, FAR)
     for bits in range(256):
         if bits & (OPEN | impassable) == OPEN:

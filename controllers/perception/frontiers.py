@@ -29,7 +29,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
-from .cell_distances import FAR, LAST, UNIT, cell_at, flood, neighbours, place_of, spread
+from .cell_distances import FAR, LAST, UNIT, cell_at, dijkstra, flood, indices_of, neighbours
 from .cell_marks import AT_WALL, HOLE, NEAR_WALL, OPEN, UNSEEN, WAY_BACK, mark_cells
 from .local_map import (
     ALONG,
@@ -103,7 +103,7 @@ FRONTIER_SEARCH = np.dtype(
         ("y", np.float64),
         ("edge_x", np.float64),  # [m] of the nearest of its cells that is not near a wall
         ("edge_y", np.float64),
-        ("to_go", np.uint16, (SIZE, SIZE)),  # to the frontier [UNIT], by column and row in the ring; FAR: not known
+        ("distance_to_goal", np.uint16, (SIZE, SIZE)),  # [UNIT], by column and row in the ring; FAR: not known
         ("nodes", np.int64),  # of all searches for a motion in this tick
         ("blocked", np.uint8, (SIZE, SIZE)),  # bits, see NEAR_WALL, by column and row in the ring
     ]
@@ -113,7 +113,7 @@ FRONTIER_SEARCH = np.dtype(
 
 @kernel
 def search_frontier(
-    scan: Record,
+    geometry: Record,
     ranges: FloatArray,
     odometry: Record,
     lidar_offset: float,
@@ -129,7 +129,7 @@ def search_frontier(
     driven a share _LASTS of the distance to it, and at the latest after `every_plain` ticks.
 
     Args:
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: its readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       lidar_offset: of the LiDAR ahead of the rear axle [m].
@@ -139,8 +139,8 @@ def search_frontier(
       led: the car is not driven by its planner alone.
     """
     world = memory.map
-    move(world, odometry.speed, odometry.angular_velocity[2], period_of(scan))
-    extend_path(world, scan, ranges)
+    move(world, odometry.speed, odometry.angular_velocity[2], period_of(geometry))
+    extend_path(world, geometry, ranges)
     since, driven = memory.ticks - memory.searched, world.driven - memory.searched_driven
     due = memory.ticks == 0 or since >= (every_plain if memory.found else every)
     if since >= every and not due:
@@ -150,13 +150,13 @@ def search_frontier(
     memory.nodes = 0
     memory.ticks += 1
     if due:
-        _search(scan, ranges, lidar_offset, memory)
+        _search(geometry, ranges, lidar_offset, memory)
     elif moved >= _MOVED or turned >= _TURNED or memory.ticks - memory.entered > _ENTER_EVERY:
-        _enter(scan, ranges, lidar_offset, memory)
+        _enter(geometry, ranges, lidar_offset, memory)
 
 
 @kernel
-def look_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record, every: int) -> None:
+def look_again(geometry: Record, ranges: FloatArray, lidar_offset: float, memory: Record, every: int) -> None:
     """Enter the scan and mark its walls in `memory.blocked`, `every` ticks after the last time.
 
     Once the car has driven _LASTS_SEEN the frontier is searched, too. Other arguments as of `search_frontier`.
@@ -164,48 +164,48 @@ def look_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Re
     if memory.ticks - memory.marked < every:
         return
     if memory.map.driven - memory.searched_driven >= _LASTS_SEEN:
-        _search(scan, ranges, lidar_offset, memory)
+        _search(geometry, ranges, lidar_offset, memory)
         return
     if memory.entered != memory.ticks:
-        _enter(scan, ranges, lidar_offset, memory)
+        _enter(geometry, ranges, lidar_offset, memory)
     memory.marked = memory.ticks
     mark_cells(memory.map, memory.blocked)
 
 
 @kernel
-def _search(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
+def _search(geometry: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
     """Enter the scan and search the frontier; arguments as of `search_frontier`."""
     if memory.entered != memory.ticks:
-        _enter(scan, ranges, lidar_offset, memory)
+        _enter(geometry, ranges, lidar_offset, memory)
     memory.searched = memory.marked = memory.ticks
     memory.searched_driven = memory.map.driven
     _find_frontier(memory, lidar_offset)
 
 
 @kernel
-def _enter(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
+def _enter(geometry: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
     """Enter a scan; arguments as of `search_frontier`."""
     world = memory.map
     memory.entered, memory.entered_driven, memory.entered_heading = memory.ticks, world.driven, world.heading
-    enter_scan(world, scan, ranges, lidar_offset)
+    enter_scan(world, geometry, ranges, lidar_offset)
 
 
 @kernel
-def to_go_at(memory: Record, x: float, y: float) -> int:
+def distance_to_goal_at(memory: Record, x: float, y: float) -> int:
     """Return the way to go [UNIT] from a place [m], FAR where it is not known."""
     i, j = math.floor(x * PER_METRE), math.floor(y * PER_METRE)
-    return memory.to_go[i & RING, j & RING] if in_window(memory.map, i, j) else FAR
+    return memory.distance_to_goal[i & RING, j & RING] if in_window(memory.map, i, j) else FAR
 
 
 @kernel
-def to_go_around(memory: Record, x: float, y: float) -> float:
+def distance_to_goal_around(memory: Record, x: float, y: float) -> float:
     """Return the way to go [m] from a place, or from the nearest known place within 0.6 m; else inf."""
     for reach in range(7):
         least = math.inf
         for i in range(-reach, reach + 1):
             for j in range(-reach, reach + 1):
                 if max(abs(i), abs(j)) == reach:
-                    cells = to_go_at(memory, x + i * CELL, y + j * CELL)
+                    cells = distance_to_goal_at(memory, x + i * CELL, y + j * CELL)
                     if cells != FAR:
                         least = min(least, cells * UNIT + reach * CELL)
         if least < math.inf:
@@ -214,22 +214,22 @@ def to_go_around(memory: Record, x: float, y: float) -> float:
 
 
 @kernel
-def least_to_go_along(memory: Record, x: float, y: float, heading: float, distance: float) -> tuple[float, float]:
+def least_distance_along(memory: Record, x: float, y: float, heading: float, distance: float) -> tuple[float, float]:
     """Return the least way to go [m] along a line from a place (inf: none is known), and how far along it is [m]."""
-    return least_to_go_towards(memory, x, y, math.cos(heading), math.sin(heading), distance)
+    return least_distance_towards(memory, x, y, math.cos(heading), math.sin(heading), distance)
 
 
 @kernel
-def least_to_go_towards(
+def least_distance_towards(
     memory: Record, x: float, y: float, cos: float, sin: float, distance: float
 ) -> tuple[float, float]:
-    """Return the same as `least_to_go_along`, for the cosine and the sine of the line's heading."""
+    """Return the same as `least_distance_along`, for the cosine and the sine of the line's heading."""
     step_x, step_y = 0.2 * PER_METRE * cos, 0.2 * PER_METRE * sin
     x, y = x * PER_METRE, y * PER_METRE
     least, at = FAR, 0
     for step in range(1, int(min(distance, SIGHT) / 0.2) + 1):  # all of these are in the window
         i, j = math.floor(x + step * step_x), math.floor(y + step * step_y)
-        cells = int(memory.to_go[i & RING, j & RING])
+        cells = int(memory.distance_to_goal[i & RING, j & RING])
         if cells < least:
             least, at = cells, step
     return (least * UNIT, 0.2 * at) if least != FAR else (math.inf, 0.0)
@@ -263,13 +263,13 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
             distance[:] = FAR
             distance[queue[0]] = 0
             flood(world, bits, distance, queue, edge, AT_WALL | HOLE)
-            place = a_lap_ago
-            while place != world.newest and world.path[place, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
-                place = (place + 1) % PATH
-            cell = cell_at(world.path[place, 0], world.path[place, 1])
-            if place != world.newest and distance[cell] != FAR:
+            index = a_lap_ago
+            while index != world.newest and world.path[index, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
+                index = (index + 1) % PATH
+            cell = cell_at(world.path[index, 0], world.path[index, 1])
+            if index != world.newest and distance[cell] != FAR:
                 goal[0], count, loop = cell, 1, True
-                memory.x, memory.y = world.path[place, 0], world.path[place, 1]
+                memory.x, memory.y = world.path[index, 0], world.path[index, 1]
     memory.on_lap = count > 0
     impassable = AT_WALL | HOLE
     for attempt in range(len(_ATTEMPTS) if count == 0 else 0):
@@ -295,15 +295,15 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
                 cut_path(world, max(world.along - opened, world.furthest - _POCKET))
             break
         if closed < _CLOSED:
-            place = reached - 1
-            while place > 0:
-                if _is_next_to_path(world, bits, queue[place]) and _comes_from_behind(world, distance, queue[place]):
+            index = reached - 1
+            while index > 0:
+                if _is_next_to_path(world, bits, queue[index]) and _comes_from_behind(world, distance, queue[index]):
                     break
-                place -= 1
-            loop = distance[queue[place]] * CELL > _LEAST_LOOP
+                index -= 1
+            loop = distance[queue[index]] * CELL > _LEAST_LOOP
             if loop:
-                goal[0], count = queue[place], 1
-                a, b = place_of(world, queue[place])
+                goal[0], count = queue[index], 1
+                a, b = indices_of(world, queue[index])
                 memory.x, memory.y = a * CELL, b * CELL
                 break
     memory.found = count > 0
@@ -311,27 +311,27 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
     memory.edge_x, memory.edge_y = memory.x, memory.y
     if not loop:
         _find_edge(memory, bits, goal[:count])
-    memory.to_go[:] = FAR
-    spread(bits, memory.to_go.reshape(SIZE * SIZE), goal[:count], free, AT_WALL | impassable & HOLE)
+    memory.distance_to_goal[:] = FAR
+    dijkstra(bits, memory.distance_to_goal.reshape(SIZE * SIZE), goal[:count], free, AT_WALL | impassable & HOLE)
 
 
 @kernel
 def _lap_ago(world: Record) -> int:
-    """Return the place on the path at which the car was a lap ago; the newest: it has driven none, or a longer one.
+    """Return the path's point at which the car was a lap ago; the newest: it has driven no lap, or a longer one.
 
     It was where it is now, and has turned once round since then. So it has not, where it has driven back and forth.
     """
     found: int = world.newest
     nearest = _SAME_PLACE
     for back in range(world.known):
-        place = (world.newest - back) % PATH
-        point = world.path[place]
+        index = (world.newest - back) % PATH
+        point = world.path[index]
         dx, dy = point[0] - world.x, point[1] - world.y
         apart = math.sqrt(dx * dx + dy * dy)
         if point[ALONG] < BEFORE or (nearest < _SAME_PLACE < apart):  # two laps ago it was there, too
             break
         if world.along - point[ALONG] > _LEAST_AGE and apart < nearest and _is_a_turn(world.heading - point[2]):
-            found, nearest = place, apart
+            found, nearest = index, apart
     return found
 
 
@@ -357,14 +357,14 @@ def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: f
     if opened > _OPENED:
         until = max(until, world.furthest - _POCKET)
     for back in range(world.known):
-        place = (world.newest - back) % PATH
-        x, y, sin, cos = _path_point(world, place)
-        if world.along - world.path[place, ALONG] > closed:
+        index = (world.newest - back) % PATH
+        x, y, sin, cos = _path_point(world, index)
+        if world.along - world.path[index, ALONG] > closed:
             break
-        if world.path[place, ALONG] > until:
+        if world.path[index, ALONG] > until:
             continue
         for side in (1, -1):
-            room = world.path[place, LEFT if side == 1 else RIGHT]
+            room = world.path[index, LEFT if side == 1 else RIGHT]
             steps = int((_WIDEST if open_ground else room) / (0.5 * CELL)) + 1
             first, last = _aside(x, y, sin, cos, 0.0), _aside(x, y, sin, cos, side * 0.5 * CELL * (steps - 1))
             whole = in_window(world, first[0], first[1]) and in_window(world, last[0], last[1])
@@ -380,9 +380,9 @@ def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: f
 
 
 @kernel
-def _path_point(world: Record, place: int) -> tuple[float, float, float, float]:
+def _path_point(world: Record, index: int) -> tuple[float, float, float, float]:
     """Return x [m], y [m], and the sine and cosine of the heading, of a point of the path."""
-    return world.path[place, 0], world.path[place, 1], world.path[place, SIN], world.path[place, COS]
+    return world.path[index, 0], world.path[index, 1], world.path[index, SIN], world.path[index, COS]
 
 
 @kernel
@@ -396,15 +396,15 @@ def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
     """Return whether the ground along the closed path is reached from the car at a third of its points, or more."""
     points, passed = 0, 0
     for back in range(world.known):
-        place = (world.newest - back) % PATH
-        age = world.along - world.path[place, ALONG]
+        index = (world.newest - back) % PATH
+        age = world.along - world.path[index, ALONG]
         if age > _CLOSED:
             break
         if age > 2.0:
             points += 1
-            x, y, sin, cos = _path_point(world, place)
+            x, y, sin, cos = _path_point(world, index)
             for side in (1, -1):
-                room = world.path[place, LEFT if side == 1 else RIGHT]
+                room = world.path[index, LEFT if side == 1 else RIGHT]
                 walled = False  # the ground behind a thin barrier is another lane
                 for cells in range(-1, 3):
                     i, j = _aside(x, y, sin, cos, side * (room + cells * CELL))
@@ -439,7 +439,7 @@ def _choose_frontier(
         count, at = 1, 0
         far, x, y = 0.0, 0.0, 0.0
         while at < count:
-            i, j = place_of(world, group[at])
+            i, j = indices_of(world, group[at])
             far += distance[group[at]] * CELL
             x += i * CELL
             y += j * CELL
@@ -476,9 +476,9 @@ def _has_room_behind(
     """
     count, reached, at, leads_on = len(group), 0, 0, False
     while at < count + reached and not leads_on:
-        place = group[at] if at < count else behind[at - count]
-        for cell in neighbours(place):
-            i, j = place_of(world, cell)
+        index = group[at] if at < count else behind[at - count]
+        for cell in neighbours(index):
+            i, j = indices_of(world, cell)
             if not in_window(world, i, j) or label[cell] == 4:
                 leads_on = True
             elif bits[cell] & (UNSEEN | NEAR_WALL | WAY_BACK) == UNSEEN and label[cell] == 0:
@@ -499,7 +499,7 @@ def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]
     """Write where the nearest cell of a frontier is that is not near a wall."""
     world, least = memory.map, math.inf
     for cell in goal:
-        i, j = place_of(world, cell)
+        i, j = indices_of(world, cell)
         distance = math.hypot((i + 0.5) * CELL - world.x, (j + 0.5) * CELL - world.y)
         if distance < least and bits[cell] & NEAR_WALL == 0:
             least, memory.edge_x, memory.edge_y = distance, (i + 0.5) * CELL, (j + 0.5) * CELL
@@ -508,7 +508,7 @@ def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]
 @kernel
 def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
     """Return whether a cell is within two cells of the closed way back."""
-    i, j = place_of(world, cell)
+    i, j = indices_of(world, cell)
     for a in range(i - 2, i + 3):
         for b in range(j - 2, j + 3):
             if bits[(a & RING) * SIZE | b & RING] & WAY_BACK != 0:
@@ -520,7 +520,7 @@ def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
 def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -> bool:
     """Return whether distances grow, at a cell along the path, in the direction in which the car came by there."""
     x, y, here = 0.0, 0.0, distance[cell]
-    i, j = place_of(world, cell)
+    i, j = indices_of(world, cell)
     for di in range(-2, 3):
         for dj in range(-2, 3):
             there = distance[((i + di) & RING) * SIZE | (j + dj) & RING]

@@ -6,8 +6,8 @@
 The field has two answers, both of the F1TENTH course slides on reactive methods: the longest run of beams that no
 bubble has set to 0 (`longest_run`), and at least n consecutive readings beyond a threshold t (`runs_beyond`).
 
-A place between two beams is a number of beams too: the middle of two beams is at the first + 0.5. All are kernels, to
-be called from Python and from other kernels alike; none changes its input.
+Positions are in beams: the middle of two beams is at the first + 0.5. All are kernels, to be called from Python and
+from other kernels alike; none changes its input.
 """
 
 from __future__ import annotations
@@ -95,14 +95,14 @@ def furthest_beam(ranges: FloatArray, first: int, end: int) -> int:
 
 @kernel
 def middle_of(first: int, end: int) -> float:
-    """Return the place of the middle of a run, in beams: with an even number of them, between two."""
+    """Return the position of the middle of a run, in beams: with an even number of them, between two."""
     return 0.5 * (first + end - 1)
 
 
 @kernel
-def range_at(ranges: FloatArray, place: float) -> float:
-    """Return the reading [m] at a place between two beams: the nearer of the two."""
-    return float(min(ranges[math.floor(place)], ranges[math.ceil(place)]))
+def range_at(ranges: FloatArray, position: float) -> float:
+    """Return the reading [m] at a position between two beams: the nearer of the two."""
+    return float(min(ranges[math.floor(position)], ranges[math.ceil(position)]))
 
 
 @kernel

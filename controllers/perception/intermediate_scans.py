@@ -1,10 +1,10 @@
 """Intermediate scans: what a goal kernel makes of a scan on its way to the goal, kept for pictures.
 
-    extended = extend_disparities(ranges, scan.angle_increment, threshold, radius)
-    keep(shown.extended, extended)
+    extended = extend_disparities(ranges, geometry.angle_increment, threshold, radius)
+    write_debug(debug.extended, extended)
 
-A kernel keeps them in every decision, so a picture shows what was decided by. (`shown.extended[:] = extended` does the
-same; numba takes two seconds longer to compile it.)
+A kernel writes them in every decision. Pictures show them; no command depends on them. (`debug.extended[:] = extended`
+does the same; numba takes two seconds longer to compile it.)
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
+
+from .scan_filters import copy_ranges
 
 
 class IntermediateScans(NamedTuple):
@@ -25,15 +27,12 @@ class IntermediateScans(NamedTuple):
     gap: FloatArray  # the beams of the gap that was chosen; NaN elsewhere
 
 
-@kernel
-def keep(kept: FloatArray, ranges: FloatArray) -> None:
-    """Write ranges (n,) [m] into an intermediate scan of as many beams."""
-    for beam in range(len(ranges)):
-        kept[beam] = ranges[beam]
+write_debug = copy_ranges
+"""Kernel that writes ranges (n,) [m] into an intermediate scan of as many beams."""
 
 
 @kernel
-def keep_run(kept: FloatArray, ranges: FloatArray, first: int, end: int) -> None:
+def write_debug_run(kept: FloatArray, ranges: FloatArray, first: int, end: int) -> None:
     """Write `ranges[first:end]` into an intermediate scan (n,) [m], and NaN elsewhere."""
     for beam in range(len(ranges)):
         kept[beam] = ranges[beam] if first <= beam < end else math.nan

@@ -33,7 +33,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
-from .scan_geometry import looks_ahead, nearest_place, period_of, sees
+from .scan_geometry import looks_ahead, nearest_beam, period_of, sees
 
 PLACES = 2048  # at most
 SPACING = 0.25  # [m] of places
@@ -82,17 +82,17 @@ LAP_MAP = np.dtype(
 
 
 @kernel
-def see_lap(lap: Record, scan: Record, ranges: FloatArray, odometry: Record, lidar_offset: float) -> None:
+def see_lap(lap: Record, geometry: Record, ranges: FloatArray, odometry: Record, lidar_offset: float) -> None:
     """Take the car on by one tick, and record or match a scan; one that shows nothing ahead is not used.
 
     Args:
       lap: of type LAP_MAP, written to.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       lidar_offset: of the LiDAR ahead of the rear axle [m].
     """
-    way, turn = odometry.speed * period_of(scan), odometry.angular_velocity[2] * period_of(scan)
+    way, turn = odometry.speed * period_of(geometry), odometry.angular_velocity[2] * period_of(geometry)
     if not (abs(way) < 1.0 and abs(turn) < math.pi):  # nor is NaN
         forget_lap(lap)
         return
@@ -100,12 +100,12 @@ def see_lap(lap: Record, scan: Record, ranges: FloatArray, odometry: Record, lid
     lap.y += way * math.sin(lap.heading + 0.5 * turn)
     lap.heading += turn
     lap.driven += abs(way)
-    if not (sees(scan, ranges) and looks_ahead(scan, len(ranges))):
+    if not (sees(geometry, ranges) and looks_ahead(geometry, len(ranges))):
         return
     if lap.closed:
-        _localise(lap, scan, ranges, lidar_offset)
+        _localise(lap, geometry, ranges, lidar_offset)
     else:
-        _record(lap, scan, ranges, odometry.speed, lidar_offset)
+        _record(lap, geometry, ranges, odometry.speed, lidar_offset)
 
 
 @kernel
@@ -115,7 +115,7 @@ def forget_lap(lap: Record) -> None:
 
 
 @kernel
-def _record(lap: Record, scan: Record, ranges: FloatArray, speed: float, lidar_offset: float) -> None:
+def _record(lap: Record, geometry: Record, ranges: FloatArray, speed: float, lidar_offset: float) -> None:
     """Add the car's place where it is far enough from the last one, and close the lap where it is complete."""
     cos, sin = math.cos(lap.heading), math.sin(lap.heading)
     while speed < 0.0 and lap.count > 0:
@@ -134,25 +134,25 @@ def _record(lap: Record, scan: Record, ranges: FloatArray, speed: float, lidar_o
     for beam in range(BEAMS):
         lap.ranges[lap.count, beam] = ranges[beam * (len(ranges) - 1) // (BEAMS - 1)]
     lap.count += 1
-    _close(lap, scan, ranges, lidar_offset)
+    _close(lap, geometry, ranges, lidar_offset)
 
 
 @kernel
-def _close(lap: Record, scan: Record, ranges: FloatArray, lidar_offset: float) -> None:
+def _close(lap: Record, geometry: Record, ranges: FloatArray, lidar_offset: float) -> None:
     """Close the lap where the car is at one of its first places again, and the scan fits there."""
     first, least = -1, _OFF + _OFF_SHARE * lap.driven
-    for place in range(_FIRST, min(_LAST, lap.count - _LEAST_LAP)):
-        apart = math.hypot(lap.x - lap.places[place, 0], lap.y - lap.places[place, 1])
-        turned = _turn_between(lap.places[place, 2], lap.heading)
+    for index in range(_FIRST, min(_LAST, lap.count - _LEAST_LAP)):
+        apart = math.hypot(lap.x - lap.places[index, 0], lap.y - lap.places[index, 1])
+        turned = _turn_between(lap.places[index, 2], lap.heading)
         if apart < least and abs(turned) < _TURNED:
-            first, least = place, apart
+            first, least = index, apart
     if first < 0:
         return
     x, y, heading, fits = lap.x, lap.y, lap.heading, 0.0
     for step in range(_CLOSING_STEPS):
         gate = _CLOSING_GATE if step < _CLOSING_STEPS // 2 else _GATE
         x, y, heading, fits = _matched(
-            lap, first, scan, ranges, lidar_offset, x, y, heading, gate, _CLOSING_SHIFT, _CLOSING_TURN
+            lap, first, geometry, ranges, lidar_offset, x, y, heading, gate, _CLOSING_SHIFT, _CLOSING_TURN
         )
     if fits < _CLOSES or math.hypot(x - lap.places[first, 0], y - lap.places[first, 1]) > _STEP * first:
         return
@@ -195,18 +195,18 @@ def _turn_between(heading: float, other: float) -> float:
 
 
 @kernel
-def _localise(lap: Record, scan: Record, ranges: FloatArray, lidar_offset: float) -> None:
+def _localise(lap: Record, geometry: Record, ranges: FloatArray, lidar_offset: float) -> None:
     """Correct where the car is by the readings at the nearest place."""
     best, least = lap.nearest, math.inf
     for ahead in range(-_BEHIND, _AHEAD + 1):
-        place = (lap.nearest + ahead) % lap.count
-        apart = math.hypot(lap.x - lap.places[place, 0], lap.y - lap.places[place, 1])
-        apart += _TURN_COUNTS * abs(_turn_between(lap.places[place, 2], lap.heading))
+        index = (lap.nearest + ahead) % lap.count
+        apart = math.hypot(lap.x - lap.places[index, 0], lap.y - lap.places[index, 1])
+        apart += _TURN_COUNTS * abs(_turn_between(lap.places[index, 2], lap.heading))
         if apart < least:
-            best, least = place, apart
+            best, least = index, apart
     lap.nearest = best
     lap.x, lap.y, lap.heading, fits = _matched(
-        lap, best, scan, ranges, lidar_offset, lap.x, lap.y, lap.heading, _GATE, _SHIFT, _TURN
+        lap, best, geometry, ranges, lidar_offset, lap.x, lap.y, lap.heading, _GATE, _SHIFT, _TURN
     )
     lap.fits += _MEMORY * (fits - lap.fits)
     if lap.fits < _FITS or least > _LOST:
@@ -214,53 +214,53 @@ def _localise(lap: Record, scan: Record, ranges: FloatArray, lidar_offset: float
 
 
 @kernel
-def wall_points(lap: Record, place: int, scan: Record, count: int, lidar_offset: float) -> FloatArray:
+def wall_points(lap: Record, index: int, geometry: Record, count: int, lidar_offset: float) -> FloatArray:
     """Return where the beams kept at a place ended (BEAMS, 2) [m]; NaN for those that ended beyond `FAR`.
 
     `count` is the number of beams of a scan.
     """
-    x, y, heading = lap.places[place, 0], lap.places[place, 1], lap.places[place, 2]
+    x, y, heading = lap.places[index, 0], lap.places[index, 1], lap.places[index, 2]
     x += lidar_offset * math.cos(heading)
     y += lidar_offset * math.sin(heading)
     ends = np.full((BEAMS, 2), math.nan)
     for beam in range(BEAMS):
-        distance = lap.ranges[place, beam]
+        distance = lap.ranges[index, beam]
         if distance < FAR:
-            bearing = heading + scan.angle_min + scan.angle_increment * (beam * (count - 1) // (BEAMS - 1))
+            bearing = heading + geometry.angle_min + geometry.angle_increment * (beam * (count - 1) // (BEAMS - 1))
             ends[beam, 0], ends[beam, 1] = x + distance * math.cos(bearing), y + distance * math.sin(bearing)
     return ends
 
 
 @kernel
-def beam_directions(scan: Record, count: int) -> FloatArray:
+def beam_directions(geometry: Record, count: int) -> FloatArray:
     """Return cosines and sines of the bearings of the beams that are kept, of `count` beams. Shape (BEAMS, 2)."""
     directions = np.empty((BEAMS, 2))
     for beam in range(BEAMS):
-        bearing = scan.angle_min + scan.angle_increment * (beam * (count - 1) // (BEAMS - 1))
+        bearing = geometry.angle_min + geometry.angle_increment * (beam * (count - 1) // (BEAMS - 1))
         directions[beam, 0], directions[beam, 1] = math.cos(bearing), math.sin(bearing)
     return directions
 
 
 @kernel
-def tell_sides(lap: Record, place: int, scan: Record, count: int, lidar_offset: float) -> None:
+def tell_sides(lap: Record, index: int, geometry: Record, count: int, lidar_offset: float) -> None:
     """Write on which side of the lap's path the beams of a place ended; arguments as of `wall_points`."""
-    ends = wall_points(lap, place, scan, count, lidar_offset)
+    ends = wall_points(lap, index, geometry, count, lidar_offset)
     for beam in range(BEAMS):
         least, to_left = math.inf, 0.0
         for ahead in range(-_SIDE_BEHIND, _SIDE_AHEAD + 1, 2):
-            other = lap.places[(place + ahead) % lap.count]
+            other = lap.places[(index + ahead) % lap.count]
             dx, dy = ends[beam, 0] - other[0], ends[beam, 1] - other[1]
             apart = dx * dx + dy * dy
             if apart < least:  # nor is NaN
                 least, to_left = apart, math.cos(other[2]) * dy - math.sin(other[2]) * dx
-        lap.to_left[place, beam] = 1 if to_left >= 0.0 else -1
+        lap.to_left[index, beam] = 1 if to_left >= 0.0 else -1
 
 
 @kernel
 def _matched(
     lap: Record,
-    place: int,
-    scan: Record,
+    index: int,
+    geometry: Record,
     ranges: FloatArray,
     lidar_offset: float,
     x: float,
@@ -274,8 +274,8 @@ def _matched(
 
     Args:
       lap: of type LAP_MAP.
-      place: index.
-      scan: of type SCAN.
+      index: index.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m].
       lidar_offset: [m].
       x: of the rear axle before [m].
@@ -285,7 +285,7 @@ def _matched(
       shift: weight of the place before, in points.
       turn: weight of the heading before, in points times m^2.
     """
-    ends = wall_points(lap, place, scan, len(ranges), lidar_offset)
+    ends = wall_points(lap, index, geometry, len(ranges), lidar_offset)
     cos, sin = math.cos(heading), math.sin(heading)
     lidar_x, lidar_y = x + lidar_offset * cos, y + lidar_offset * sin
     xx, xy, yy, xt, yt, tt = shift, 0.0, shift, 0.0, 0.0, turn
@@ -301,10 +301,10 @@ def _matched(
         if not abs(normal_x * dx + normal_y * dy) < _STRAIGHT:
             continue
         dx, dy = ends[beam, 0] - lidar_x, ends[beam, 1] - lidar_y
-        at = nearest_place(scan.angle_min, scan.angle_increment, cos * dx + sin * dy, cos * dy - sin * dx)
+        at = nearest_beam(geometry.angle_min, geometry.angle_increment, cos * dx + sin * dy, cos * dy - sin * dx)
         if not 0.0 <= at <= len(ranges) - 1.0:
             continue
-        distance, bearing = ranges[int(at)], heading + scan.angle_min + scan.angle_increment * at
+        distance, bearing = ranges[int(at)], heading + geometry.angle_min + geometry.angle_increment * at
         seen += 1
         from_x, from_y = lidar_x - x + distance * math.cos(bearing), lidar_y - y + distance * math.sin(bearing)
         error = normal_x * (x + from_x - ends[beam, 0]) + normal_y * (y + from_y - ends[beam, 1])

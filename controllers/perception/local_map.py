@@ -144,27 +144,27 @@ def _begin_path(memory: Record) -> None:
 
 
 @kernel
-def enter_scan(memory: Record, scan: Record, ranges: FloatArray, lidar_offset: float) -> None:
+def enter_scan(memory: Record, geometry: Record, ranges: FloatArray, lidar_offset: float) -> None:
     """Enter a scan.
 
     Args:
       memory: of type LOCAL_MAP, written to.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       lidar_offset: of the LiDAR ahead of the rear axle [m].
     """
     cells, seen = memory.cells, memory.seen
     now = int(memory.driven * 4.0) & 255
     _forget(memory, now)
-    stride = max(1, int(_FINEST / scan.angle_increment + 1e-6))
+    stride = max(1, int(_FINEST / geometry.angle_increment + 1e-6))
     count = (len(ranges) + stride - 1) // stride
     x0 = memory.x + lidar_offset * math.cos(memory.heading)
     y0 = memory.y + lidar_offset * math.sin(memory.heading)
-    increment = stride * scan.angle_increment
+    increment = stride * geometry.angle_increment
     turn_cos, turn_sin = math.cos(increment), math.sin(increment)
-    cos, sin = math.cos(memory.heading + scan.angle_min), math.sin(memory.heading + scan.angle_min)
+    cos, sin = math.cos(memory.heading + geometry.angle_min), math.sin(memory.heading + geometry.angle_min)
     ends = np.empty((count, 2))
-    _keep_passed_ends(memory, scan, len(ranges), x0, y0)
+    _keep_passed_ends(memory, geometry, len(ranges), x0, y0)
     for beam in range(count):
         distance = ranges[beam * stride]
         ends[beam, 0], ends[beam, 1] = x0 + distance * cos, y0 + distance * sin
@@ -202,10 +202,10 @@ def enter_scan(memory: Record, scan: Record, ranges: FloatArray, lidar_offset: f
 
 
 @kernel
-def _keep_passed_ends(memory: Record, scan: Record, beams: int, x0: float, y0: float) -> None:
+def _keep_passed_ends(memory: Record, geometry: Record, beams: int, x0: float, y0: float) -> None:
     """Keep of the ends of beams those beside and behind the car that a LiDAR at x0, y0 [m] does not see any more."""
     cos, sin, kept = math.cos(memory.heading), math.sin(memory.heading), 0
-    to_right, to_left = math.cos(scan.angle_min), math.cos(bearing_of(scan, beams - 1))
+    to_right, to_left = math.cos(geometry.angle_min), math.cos(bearing_of(geometry, beams - 1))
     for k in range(memory.ends_known):
         x, y = memory.ends[k, 0], memory.ends[k, 1]
         if (x - memory.x) * (x - memory.x) + (y - memory.y) * (y - memory.y) > _PASSED * _PASSED:
@@ -234,7 +234,7 @@ def _forget(memory: Record, now: int) -> None:
 
 
 @kernel
-def extend_path(memory: Record, scan: Record, ranges: FloatArray) -> None:
+def extend_path(memory: Record, geometry: Record, ranges: FloatArray) -> None:
     """Add the car's place to its path, with the room to its sides, if the last point is far enough behind.
 
     Arguments as of `enter_scan`. At first, the way before the start is taken to end where the car is. The room is no
@@ -244,7 +244,7 @@ def extend_path(memory: Record, scan: Record, ranges: FloatArray) -> None:
     begins = memory.known == 0
     if not begins and memory.along - last[ALONG] < _SPACING:
         return
-    right, left = _room_beside(scan, ranges)
+    right, left = _room_beside(geometry, ranges)
     if not begins:
         wider = _WIDENS * (memory.along - last[ALONG])
         right, left = min(right, last[RIGHT] + wider), min(left, last[LEFT] + wider)
@@ -270,16 +270,16 @@ def cut_path(memory: Record, along: float) -> None:
 
 
 @kernel
-def _room_beside(scan: Record, ranges: FloatArray) -> tuple[float, float]:
+def _room_beside(geometry: Record, ranges: FloatArray) -> tuple[float, float]:
     """Return the distances to the walls to the right and to the left [m], past what is narrower than the beams."""
     right = left = 0.0
-    ahead, half = -scan.angle_min / scan.angle_increment, _BESIDE / scan.angle_increment
-    quarter, last = 0.5 * math.pi / scan.angle_increment, len(ranges) - 1.0
-    for place in range(-2, 3):
-        aside = math.cos(0.5 * place * _BESIDE)
-        beam = min(max(ahead - quarter + 0.5 * place * half, 0.0), last)
+    ahead, half = -geometry.angle_min / geometry.angle_increment, _BESIDE / geometry.angle_increment
+    quarter, last = 0.5 * math.pi / geometry.angle_increment, len(ranges) - 1.0
+    for index in range(-2, 3):
+        aside = math.cos(0.5 * index * _BESIDE)
+        beam = min(max(ahead - quarter + 0.5 * index * half, 0.0), last)
         right = max(right, aside * ranges[int(beam)])
-        beam = min(max(ahead + quarter + 0.5 * place * half, 0.0), last)
+        beam = min(max(ahead + quarter + 0.5 * index * half, 0.0), last)
         left = max(left, aside * ranges[int(beam)])
     return right, left
 

@@ -29,6 +29,13 @@ _MOST_BEAMS = 1e9  # to either side; a bubble of more beams than a number can co
 
 
 @kernel
+def copy_ranges(into: FloatArray, ranges: FloatArray) -> None:
+    """Copy ranges (n,) into an array of as many."""
+    for beam in range(len(ranges)):
+        into[beam] = ranges[beam]
+
+
+@kernel
 def valid_ranges(ranges: FloatArray, range_max: float) -> FloatArray:
     """Return ranges with every beam a distance in [0, range_max].
 
@@ -72,11 +79,11 @@ def noise_of(ranges: FloatArray, range_max: float) -> float:
             off = middle * abs(middle * (right + left) / (right * left) - 2.0) / (_OFF_LINE * _MOST_NOISE)
             counts[int(min(off * _NOISE_BINS + 0.5, _NOISE_BINS - 1.0))] += 1
             total += 1
-    place, below = 0, counts[0]
+    level, below = 0, counts[0]
     while 2 * below < total:
-        place += 1
-        below += counts[place]
-    return _MOST_NOISE * place / _NOISE_BINS
+        level += 1
+        below += counts[level]
+    return _MOST_NOISE * level / _NOISE_BINS
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Bearings of a scan's beams, as kernels read them: every world of a batch has the same geometry.
 
-    scan = scan_record(message)[0]
-    first, end = beams_between(scan, len(message.ranges), -0.5, 0.5)
+    geometry = geometry_record(message)[0]
+    first, end = beams_between(geometry, len(message.ranges), -0.5, 0.5)
 
 What a planner makes of the readings is in scan_filters.
 """
@@ -22,44 +22,44 @@ from ..control.planner_settings import Record
 _PERIOD = LaserScan.scan_time  # [s] for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
 
-SCAN = np.dtype([(name, np.float64) for name in ("angle_min", "angle_increment", "range_max", "scan_time")])
+SCAN_GEOMETRY = np.dtype([(name, np.float64) for name in ("angle_min", "angle_increment", "range_max", "scan_time")])
 """Type of a row with the geometry of the scans; units as in LaserScan."""
 
-scan_values = attrgetter(*SCAN.names or ())
-"""Takes the values of a SCAN from a LaserScan or a ScanGeometry."""
+geometry_values = attrgetter(*SCAN_GEOMETRY.names or ())
+"""Takes the values of a SCAN_GEOMETRY from a LaserScan or a ScanGeometry."""
 
 
-def scan_record(scan: LaserScan | ScanGeometry) -> NDArray[np.void]:
-    """Return a row of type SCAN, shape (1,)."""
-    return np.array([scan_values(scan)], SCAN)
+def geometry_record(scan: LaserScan | ScanGeometry) -> NDArray[np.void]:
+    """Return a row of type SCAN_GEOMETRY, shape (1,)."""
+    return np.array([geometry_values(scan)], SCAN_GEOMETRY)
 
 
 @kernel
-def sees(scan: Record, valid: FloatArray) -> bool:
+def sees(geometry: Record, ranges: FloatArray) -> bool:
     """Return whether there is a scan to plan with: two beams or more, not all zero, a sensible angle between them."""
-    if len(valid) < 2 or not _LEAST_INCREMENT < scan.angle_increment < 2.0 * math.pi:
+    if len(ranges) < 2 or not _LEAST_INCREMENT < geometry.angle_increment < 2.0 * math.pi:
         return False
-    for distance in valid:  # noqa: SIM110  # numba compiles a loop sooner than a generator
+    for distance in ranges:  # noqa: SIM110  # numba compiles a loop sooner than a generator
         if distance > 0.0:
             return True
     return False
 
 
 @kernel
-def looks_ahead(scan: Record, count: int) -> bool:
+def looks_ahead(geometry: Record, count: int) -> bool:
     """Return whether a scan of so many beams has some to both sides of straight ahead."""
-    return bool(scan.angle_min < 0.0 < scan.angle_min + scan.angle_increment * (count - 1))
+    return bool(geometry.angle_min < 0.0 < geometry.angle_min + geometry.angle_increment * (count - 1))
 
 
 @kernel
-def bearing_of(scan: Record, beam: float) -> float:
-    """Return the bearing of a beam [rad]; between two beams, of a place between them."""
-    return float(scan.angle_min + scan.angle_increment * beam)
+def bearing_of(geometry: Record, beam: float) -> float:
+    """Return the bearing of a beam [rad]; a fraction is a position between two beams."""
+    return float(geometry.angle_min + geometry.angle_increment * beam)
 
 
 @kernel
-def nearest_place(angle_min: float, angle_increment: float, ahead: float, left: float) -> float:
-    """Return the place of the beam whose bearing is nearest to that of a point; below 0 or beyond the last: no beam.
+def nearest_beam(angle_min: float, angle_increment: float, ahead: float, left: float) -> float:
+    """Return the number of the beam whose bearing is nearest to that of a point; below 0 or beyond the last: no beam.
 
     That is the arctangent, rounded, to the bit, in a quarter of the time. A polynomial gives the bearing to 2e-6 rad
     (C. Hastings, Approximations for Digital Computers, 1955), which is enough except halfway between two beams.
@@ -72,23 +72,23 @@ def nearest_place(angle_min: float, angle_increment: float, ahead: float, left: 
     )
     bearing = 0.5 * math.pi - bearing if abs(left) > abs(ahead) else bearing
     bearing = math.pi - bearing if ahead < 0.0 else bearing
-    place = (math.copysign(bearing, left) - angle_min) / angle_increment
-    nearest = np.rint(place)
-    if abs(place - nearest) < 0.5 - 3e-6 / angle_increment:
+    beam = (math.copysign(bearing, left) - angle_min) / angle_increment
+    nearest = np.rint(beam)
+    if abs(beam - nearest) < 0.5 - 3e-6 / angle_increment:
         return float(nearest)
     return float(np.rint((math.atan2(left, ahead) - angle_min) / angle_increment))
 
 
 @kernel
-def beams_between(scan: Record, count: int, right: float, left: float) -> tuple[int, int]:
+def beams_between(geometry: Record, count: int, right: float, left: float) -> tuple[int, int]:
     """Return the beams with bearings from `right` to `left` [rad], of so many: first, and last + 1."""
-    first = math.ceil((right - scan.angle_min) / scan.angle_increment - 1e-6)
-    end = math.floor((left - scan.angle_min) / scan.angle_increment + 1e-6) + 1
+    first = math.ceil((right - geometry.angle_min) / geometry.angle_increment - 1e-6)
+    end = math.floor((left - geometry.angle_min) / geometry.angle_increment + 1e-6) + 1
     first = min(max(first, 0), count)
     return first, min(max(end, first), count)
 
 
 @kernel
-def period_of(scan: Record) -> float:
+def period_of(geometry: Record) -> float:
     """Return the time between commands [s]."""
-    return scan.scan_time if scan.scan_time > 0.0 else _PERIOD
+    return geometry.scan_time if geometry.scan_time > 0.0 else _PERIOD

@@ -41,7 +41,7 @@ from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
 from .scan_filters import noise_of
-from .scan_geometry import bearing_of, nearest_place, period_of
+from .scan_geometry import bearing_of, nearest_beam, period_of
 
 MOST_TARGETS = 24
 RIGHT, LEFT = 0, 1  # ends of a cluster
@@ -146,19 +146,19 @@ _CLUSTER = np.dtype(
 
 @kernel
 def track_targets(
-    memory: Record, scan: Record, ranges: FloatArray, odometry: Record, lidar_offset: float, course: float
+    memory: Record, geometry: Record, ranges: FloatArray, odometry: Record, lidar_offset: float, course: float
 ) -> int:
     """Follow what is in a scan, and return how many targets move.
 
     Args:
       memory: of type TARGETS, written to.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       lidar_offset: of the LiDAR ahead of the rear axle [m].
       course: direction in which the rear axle moves, from the car's heading [rad].
     """
-    period, count = period_of(scan), len(ranges)
+    period, count = period_of(geometry), len(ranges)
     speed, yaw_rate = odometry.speed, odometry.angular_velocity[2]
     way, turn = 0.5 * period * (memory.speed + speed), 0.5 * period * (memory.yaw_rate + yaw_rate)
     memory.count, memory.speed, memory.yaw_rate = 0, speed, yaw_rate
@@ -174,12 +174,12 @@ def track_targets(
     memory.turned += abs(turn)
     memory.tick += 1
     found = np.empty(_FOUND, _CLUSTER)
-    clusters = find_clusters(memory, scan, ranges, found)
+    clusters = find_clusters(memory, geometry, ranges, found)
     for moves in (True, False):
         for target in memory.targets:
             if target.age > 0 and target.moves == moves:
                 _predict(target, period)
-                _follow(memory, target, found, clusters, scan, ranges, odometry, period)
+                _follow(memory, target, found, clusters, geometry, ranges, odometry, period)
                 memory.count += target.age > 0 and target.moves
     _begin_all(memory.targets, found, clusters)
     if memory.tick % _EVERY == 1:
@@ -198,9 +198,9 @@ def forget_targets(memory: Record) -> None:
 
 
 @kernel
-def find_clusters(memory: Record, scan: Record, ranges: FloatArray, found: Record) -> int:
+def find_clusters(memory: Record, geometry: Record, ranges: FloatArray, found: Record) -> int:
     """Write the clusters of a scan that may be things, (k,) of type _CLUSTER; return how many."""
-    noise = noise_of(ranges, scan.range_max)
+    noise = noise_of(ranges, geometry.range_max)
     edge = max(_EDGE, _CUT * math.sqrt(2.0) * noise)
     count, first, nearer = 0, 0, True  # the cluster that has not ended; whether what is right of it is nearer
     for beam in range(1, len(ranges)):
@@ -209,7 +209,7 @@ def find_clusters(memory: Record, scan: Record, ranges: FloatArray, found: Recor
             continue
         whole = first > 0 and beam - first >= _LEAST_BEAMS  # what the field of view cuts off may be a wall
         if whole and ranges[first] < _FARTHEST and (not nearer or step > 0.0):
-            count += _is_cluster(memory, scan, ranges, first, beam, edge, noise, found[count])
+            count += _is_cluster(memory, geometry, ranges, first, beam, edge, noise, found[count])
             if count == len(found):
                 return count
         first, nearer = beam, step > 0.0
@@ -218,7 +218,7 @@ def find_clusters(memory: Record, scan: Record, ranges: FloatArray, found: Recor
 
 @kernel
 def _is_cluster(
-    memory: Record, scan: Record, ranges: FloatArray, first: int, end: int, edge: float, noise: float, found: Record
+    memory: Record, geometry: Record, ranges: FloatArray, first: int, end: int, edge: float, noise: float, found: Record
 ) -> bool:
     """Write a cluster of the beams from `first` to before `end`; return False if it is too wide, or part of a wall.
 
@@ -230,7 +230,7 @@ def _is_cluster(
     own_right, own_left = ranges[first - 1] - right > edge, ranges[end] - left > edge
     if not (own_right or own_left):
         return False
-    turn = (end - 1 - first) * scan.angle_increment
+    turn = (end - 1 - first) * geometry.angle_increment
     if right * right + left * left - 2.0 * right * left * math.cos(turn) > _WIDEST * _WIDEST or turn > 2.0:
         return False
     least, beam, wanted = math.inf, first, math.ceil(noise * noise / (_MEAN_NOISE * _MEAN_NOISE))
@@ -245,8 +245,8 @@ def _is_cluster(
     if own_right and own_left:
         radius, of_range = least * half / (1.0 - half), noise / (1.0 - half)
     away_right = away_left = least + radius
-    bearing = memory.heading + bearing_of(scan, first)
-    between, outline = least * scan.angle_increment, _OUTLINE * least * turn * turn
+    bearing = memory.heading + bearing_of(geometry, first)
+    between, outline = least * geometry.angle_increment, _OUTLINE * least * turn * turn
     if not (own_right and own_left):
         away_right, away_left = right, left
         outline = abs(left - right) / (end - 1 - first)
@@ -274,7 +274,7 @@ def _predict(target: Record, period: float) -> None:
 
 @kernel
 def _follow(
-    memory: Record, target: Record, found: Record, count: int, scan: Record, ranges: FloatArray, odometry: Record,
+    memory: Record, target: Record, found: Record, count: int, geometry: Record, ranges: FloatArray, odometry: Record,
     period: float,
 ) -> None:  # fmt: skip
     """Take what was found nearest to a target for it."""
@@ -288,7 +288,7 @@ def _follow(
     if nearest < 0:
         target.unseen += period
         patience = _FORGOTTEN if target.moves else _FORGOTTEN_IN_VIEW
-        if target.moves and _is_in_view(memory, target, scan, ranges):
+        if target.moves and _is_in_view(memory, target, geometry, ranges):
             patience = _FORGOTTEN_IN_VIEW
         if target.unseen > patience:
             target.age, target.moves = 0, False
@@ -326,16 +326,16 @@ def _follow(
     _take(target, cluster)
     target.age += 1
     target.unseen = 0.0
-    _judge(memory, target, scan, ranges, odometry, period)
+    _judge(memory, target, geometry, ranges, odometry, period)
 
 
 @kernel
 def _turn_back(target: Record, cluster: Record, dx: float, dy: float) -> None:
     """Turn the velocity of a target round where it is seen now, which is dx, dy [m] from where it was expected."""
     target.vx, target.vy = -target.vx, -target.vy
-    place = target.turns % 2
+    slot = target.turns % 2
     for axis in range(2):
-        target.turned[place, axis] = 0.5 * (cluster.ends[RIGHT, axis] + cluster.ends[LEFT, axis])
+        target.turned[slot, axis] = 0.5 * (cluster.ends[RIGHT, axis] + cluster.ends[LEFT, axis])
     target.turns += 1
     for end in range(2):
         target.ends[end, 0] += dx
@@ -388,7 +388,9 @@ def _is_like(target: Record, cluster: Record) -> bool:
 
 
 @kernel
-def _judge(memory: Record, target: Record, scan: Record, ranges: FloatArray, odometry: Record, period: float) -> None:
+def _judge(
+    memory: Record, target: Record, geometry: Record, ranges: FloatArray, odometry: Record, period: float
+) -> None:
     """Decide whether a target moves."""
     square = target.vx * target.vx + target.vy * target.vy
     if target.moves:
@@ -408,7 +410,7 @@ def _judge(memory: Record, target: Record, scan: Record, ranges: FloatArray, odo
     if abs(along) < most and abs(across) < _LEAST_SPEED + turn:
         target.evidence = 0
         return
-    if _has_moved(memory, target, scan, ranges):
+    if _has_moved(memory, target, geometry, ranges):
         target.evidence = min(target.evidence + 1, _MOST_EVIDENCE)
     else:
         target.evidence = max(target.evidence - 1, 0)
@@ -417,7 +419,7 @@ def _judge(memory: Record, target: Record, scan: Record, ranges: FloatArray, odo
 
 
 @kernel
-def _has_moved(memory: Record, target: Record, scan: Record, ranges: FloatArray) -> bool:
+def _has_moved(memory: Record, target: Record, geometry: Record, ranges: FloatArray) -> bool:
     """Return whether a target covers ground that a kept scan saw free, or has left ground that it covered there.
 
     An error of the odometry's speed moves what stands along the car's way: of something ahead, towards the car or
@@ -436,27 +438,27 @@ def _has_moved(memory: Record, target: Record, scan: Record, ranges: FloatArray)
         wide = _LEAST_FREE + _DRIFT * (abs(dx * sin - dy * cos) + turned)
         covered = 0
         for beam in range(target.first, target.end, stride):
-            bearing = memory.heading + bearing_of(scan, beam)
+            bearing = memory.heading + bearing_of(geometry, beam)
             at_x, at_y = memory.x + ranges[beam] * math.cos(bearing), memory.y + ranges[beam] * math.sin(bearing)
-            covered += _beyond(snapshot, scan, memory.beams, at_x, at_y) > free
-        if covered * stride * scan.angle_increment * distance > wide and covered > 1:
+            covered += _beyond(snapshot, geometry, memory.beams, at_x, at_y) > free
+        if covered * stride * geometry.angle_increment * distance > wide and covered > 1:
             return True
-        since = (memory.tick - snapshot.tick) * period_of(scan)
+        since = (memory.tick - snapshot.tick) * period_of(geometry)
         old_x, old_y = x - target.vx * since, y - target.vy * since
-        if abs(_beyond(snapshot, scan, memory.beams, old_x, old_y)) < _FREE and (
-            _beyond_now(memory, scan, ranges, old_x, old_y) > free
+        if abs(_beyond(snapshot, geometry, memory.beams, old_x, old_y)) < _FREE and (
+            _beyond_now(memory, geometry, ranges, old_x, old_y) > free
         ):
             return True
     return False
 
 
 @kernel
-def _beyond(snapshot: Record, scan: Record, beams: int, x: float, y: float) -> float:
+def _beyond(snapshot: Record, geometry: Record, beams: int, x: float, y: float) -> float:
     """Return by how much a kept scan reaches past a place [m]; -inf where it does not look."""
     cos, sin = math.cos(snapshot.heading), math.sin(snapshot.heading)
     dx, dy = x - snapshot.x, y - snapshot.y
     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    beam = nearest_place(scan.angle_min, scan.angle_increment, ahead, left)
+    beam = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left)
     if not 0.0 <= beam < beams:
         return -math.inf
     reach = snapshot.ranges[int(beam) if beams <= _BINS else int(beam) * _BINS // beams]
@@ -464,12 +466,12 @@ def _beyond(snapshot: Record, scan: Record, beams: int, x: float, y: float) -> f
 
 
 @kernel
-def _beyond_now(memory: Record, scan: Record, ranges: FloatArray, x: float, y: float) -> float:
+def _beyond_now(memory: Record, geometry: Record, ranges: FloatArray, x: float, y: float) -> float:
     """Return by how much the least of three beams reaches past a place now [m]; -inf where none looks."""
     cos, sin = math.cos(memory.heading), math.sin(memory.heading)
     dx, dy = x - memory.x, y - memory.y
     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    beam = nearest_place(scan.angle_min, scan.angle_increment, ahead, left)
+    beam = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left)
     if not 1.0 <= beam < len(ranges) - 1.0:
         return -math.inf
     k = int(beam)
@@ -477,10 +479,10 @@ def _beyond_now(memory: Record, scan: Record, ranges: FloatArray, x: float, y: f
 
 
 @kernel
-def _is_in_view(memory: Record, target: Record, scan: Record, ranges: FloatArray) -> bool:
+def _is_in_view(memory: Record, target: Record, geometry: Record, ranges: FloatArray) -> bool:
     """Return whether a target would be seen where it is expected: the beams there end beyond it."""
     x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
-    return bool(_beyond_now(memory, scan, ranges, x, y) > _FREE)
+    return bool(_beyond_now(memory, geometry, ranges, x, y) > _FREE)
 
 
 @kernel
@@ -533,10 +535,10 @@ def _keep_snapshot(memory: Record, ranges: FloatArray) -> None:
             snapshot.ranges[beam] = ranges[beam]
         return
     first = 0
-    for place in range(_BINS):  # `beam * _BINS // count` is the bin of a beam
-        end = ((place + 1) * count + _BINS - 1) // _BINS
+    for index in range(_BINS):  # `beam * _BINS // count` is the bin of a beam
+        end = ((index + 1) * count + _BINS - 1) // _BINS
         least = ranges[first]
         for beam in range(first + 1, end):
             least = min(least, ranges[beam])
-        snapshot.ranges[place] = least
+        snapshot.ranges[index] = least
         first = end

@@ -157,8 +157,8 @@ def _is_free(
 ) -> bool:
     """Return whether each point of a trajectory to `side` (1 left, -1 right) is nearer than the reading there."""
     for point in range(_POINTS - 1, -1, -1):  # the far ones first: those are the ones that fail
-        place = np.rint((side * bearings[point] - angle_min) / angle_increment)
-        beam = int(min(len(widened) - 1.0, max(0.0, place)))
+        index = np.rint((side * bearings[point] - angle_min) / angle_increment)
+        beam = int(min(len(widened) - 1.0, max(0.0, index)))
         if not widened[beam] > distances[point]:
             return False
     return True
@@ -166,11 +166,11 @@ def _is_free(
 
 @kernel
 def _nearest(grid: FloatArray, value: float) -> int:
-    """Return the place in `grid` that is nearest to `value`."""
+    """Return the index in `grid` of what is nearest to `value`."""
     best = 0
-    for place in range(1, len(grid)):
-        if abs(grid[place] - value) < abs(grid[best] - value):
-            best = place
+    for index in range(1, len(grid)):
+        if abs(grid[index] - value) < abs(grid[best] - value):
+            best = index
     return best
 
 
@@ -226,8 +226,8 @@ def _all_trajectories(limiter: Record, settings: Record, speeds: FloatArray) -> 
         for fast in range(len(speeds)):
             for turning in range(len(_TURNING)):
                 steps = _stop(limiter, settings, speeds[fast], _PRESENT[present], _TURNING[turning], trace)
-                place = (present, fast, turning)
-                _spread_points(limiter.car, settings, trace[: steps + 1], bearings[place], distances[place])
+                index = (present, fast, turning)
+                _spread_points(limiter.car, settings, trace[: steps + 1], bearings[index], distances[index])
     return bearings, distances
 
 
@@ -247,7 +247,7 @@ def _stop(limiter: Record, settings: Record, speed: float, present: float, turni
         if step * _STEP >= settings.reaction:
             wanted = min(turning * limiter.lateral / max(speed, 0.1) ** 2, tightest)
             lag = limiter.yaw_lag
-            if limiter.slip.soft:
+            if limiter.slip.needs_slip_angle:
                 lag += path_lag(limiter.slip, speed)
             curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / lag))
             used = min(abs(curvature) * speed**2 / limiter.lateral, 0.999)  # below 1, or it never stops

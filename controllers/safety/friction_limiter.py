@@ -243,7 +243,7 @@ def held_on_circle(
     if not speed <= 0.0:
         allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
     limit = _steering_limit(limiter, allowed, speed, now, least_lateral_use)
-    if limiter.slip.soft:
+    if limiter.slip.needs_slip_angle:
         if not speed <= 0.0:
             allowed = min(allowed, fastest_on(limiter.slip, saturate(steering_angle, car.max_steering_angle)))
         limit = min(limit, tightest_arc(limiter.slip, now))

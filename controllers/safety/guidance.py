@@ -38,15 +38,15 @@ from fg_mujoco.messages import FloatArray
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
 from ..control.slip import late_on_path
 from ..control.steering import late_by, saturate
-from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
+from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_point, steer_along
 from ..perception.cell_marks import AT_WALL, NEAR_WALL
 from ..perception.frontiers import (
     FRONTIER_SEARCH,
-    least_to_go_along,
-    least_to_go_towards,
+    distance_to_goal_around,
+    least_distance_along,
+    least_distance_towards,
     look_again,
     search_frontier,
-    to_go_around,
 )
 from ..perception.local_map import SIGHT, forget, move
 from ..perception.scan_geometry import beams_between, bearing_of, looks_ahead, period_of, sees
@@ -94,7 +94,7 @@ class GuidanceSettings(Settings):
 
 GUIDANCE = np.dtype(
     [
-        ("way", FRONTIER_SEARCH),
+        ("frontier", FRONTIER_SEARCH),
         ("motion", MOTION),  # that the car follows
         ("trial", MOTION),  # that was last searched for
         ("stop", MOTION),  # along which the safety filter last found a stop; without points: none yet
@@ -117,8 +117,8 @@ GUIDANCE = np.dtype(
 
 
 @kernel
-def guide(
-    scan: Record,
+def follow_frontier(
+    geometry: Record,
     ranges: FloatArray,
     odometry: Record,
     limiter: Record,
@@ -129,7 +129,7 @@ def guide(
     """Replace a planner's reference that does not lead on. Without a scan that looks ahead the reference stays.
 
     Args:
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       limiter: of type LIMITER.
@@ -137,50 +137,50 @@ def guide(
       memory: of type GUIDANCE, written to.
       reference: of type REFERENCE, written to.
     """
-    car, way = limiter.car, memory.way
+    car, frontier = limiter.car, memory.frontier
     speed, present = odometry.speed, math.tan(odometry.steering_angle) / car.wheelbase
     memory.knows_speed = memory.stuck = False
-    looks = sees(scan, ranges) and looks_ahead(scan, len(ranges))
+    looks = sees(geometry, ranges) and looks_ahead(geometry, len(ranges))
     if not looks:
-        move(way.map, speed, odometry.angular_velocity[2], period_of(scan))
+        move(frontier.map, speed, odometry.angular_velocity[2], period_of(geometry))
     if not (looks and math.isfinite(speed + present + odometry.angular_velocity[2])):
         memory.follows = memory.turning.active = False
         return
     led = memory.follows or memory.turning.active or memory.careful
-    search_frontier(scan, ranges, odometry, car.lidar_offset, way, settings.every, settings.every_plain, led)
-    if memory.turning.active or not way.on_lap:  # a car that creeps on a lap that it has driven gets through
-        turn_in_moves(way, limiter, memory.turning, odometry.steering_angle, speed)
+    search_frontier(geometry, ranges, odometry, car.lidar_offset, frontier, settings.every, settings.every_plain, led)
+    if memory.turning.active or not frontier.on_lap:  # a car that creeps on a lap that it has driven gets through
+        turn_in_moves(frontier, limiter, memory.turning, odometry.steering_angle, speed)
     if memory.turning.active:
         memory.careful = True
         return
-    x = way.map.x + car.lidar_offset * math.cos(way.map.heading)
-    y = way.map.y + car.lidar_offset * math.sin(way.map.heading)
-    here = to_go_around(way, x, y) if way.found else math.inf
+    x = frontier.map.x + car.lidar_offset * math.cos(frontier.map.heading)
+    y = frontier.map.y + car.lidar_offset * math.sin(frontier.map.heading)
+    here = distance_to_goal_around(frontier, x, y) if frontier.found else math.inf
     if not math.isfinite(here):
         memory.follows = False
-        memory.lost = memory.lost + 1 if not way.found else 0
+        memory.lost = memory.lost + 1 if not frontier.found else 0
         if memory.lost > settings.lost_after:
-            reference.speed = min(reference.speed, _speed_to_stop(scan, ranges, limiter, settings))
+            reference.speed = min(reference.speed, _speed_to_stop(geometry, ranges, limiter, settings))
         if memory.lost > settings.start_again_after and abs(speed) < 0.1:
             memory.lost = 0
-            forget(way.map)  # the path or the map may be wrong
+            forget(frontier.map)  # the path or the map may be wrong
         return
     memory.lost = 0
-    to_edge = math.hypot(way.edge_x - x, way.edge_y - y)
-    around_edge = _speed_to_frontier(limiter, settings, to_edge) if way.hidden else math.inf
+    to_edge = math.hypot(frontier.edge_x - x, frontier.edge_y - y)
+    around_edge = _speed_to_frontier(limiter, settings, to_edge) if frontier.hidden else math.inf
     if memory.careful:
         reference.speed = min(reference.speed, around_edge)
-    tight = way.hidden and here < settings.tight_distance
+    tight = frontier.hidden and here < settings.tight_distance
     if not tight and _leads_on_as_before(memory, reference):
         return
-    gain, at, bearing = _best_beam(scan, ranges, way, x, y, here)
+    gain, at, bearing = _best_beam(geometry, ranges, frontier, x, y, here)
     bend = _bend(memory, car) if memory.follows and _is_on_motion(memory, car) else math.nan
-    if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend, tight):
-        memory.led_on, memory.bearing = way.ticks, reference.bearing
+    if _planner_drives(geometry, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend, tight):
+        memory.led_on, memory.bearing = frontier.ticks, reference.bearing
         memory.steering_angle = reference.steering_angle
         memory.speed = reference.speed if memory.knows_speed else math.inf
         return
-    look_again(scan, ranges, car.lidar_offset, way, settings.every)
+    look_again(geometry, ranges, car.lidar_offset, frontier, settings.every)
     if not _renew_motion(limiter, settings, memory, present, speed):
         memory.follows = not math.isnan(bend)
     memory.knows_speed, memory.stuck = memory.follows, not memory.follows
@@ -199,9 +199,9 @@ def guide(
 @kernel
 def _leads_on_as_before(memory: Record, reference: Record) -> bool:
     """Return whether the planner led on in the tick before by this reference, whose speed is then limited as it was."""
-    way = memory.way
+    frontier = memory.frontier
     turned = abs(reference.steering_angle - memory.steering_angle) + abs(reference.bearing - memory.bearing)
-    if way.ticks != memory.led_on + 1 or way.searched == way.ticks or not turned < _AS_BEFORE:
+    if frontier.ticks != memory.led_on + 1 or frontier.searched == frontier.ticks or not turned < _AS_BEFORE:
         return False
     memory.knows_speed = math.isfinite(memory.speed)
     reference.speed = min(reference.speed, memory.speed)
@@ -210,7 +210,7 @@ def _leads_on_as_before(memory: Record, reference: Record) -> bool:
 
 @kernel
 def _planner_drives(
-    scan: Record,
+    geometry: Record,
     ranges: FloatArray,
     odometry: Record,
     limiter: Record,
@@ -231,11 +231,11 @@ def _planner_drives(
     """
     if math.isnan(reference.bearing) or math.isnan(reference.steering_angle):
         return False
-    way, car, speed = memory.way, limiter.car, odometry.speed
-    beam = int(min(max(round((reference.bearing - scan.angle_min) / scan.angle_increment), 0), len(ranges) - 1))
-    least, _ = least_to_go_along(way, x, y, way.map.heading + reference.bearing, ranges[beam])
+    frontier, car, speed = memory.frontier, limiter.car, odometry.speed
+    beam = int(min(max(round((reference.bearing - geometry.angle_min) / geometry.angle_increment), 0), len(ranges) - 1))
+    least, _ = least_distance_along(frontier, x, y, frontier.map.heading + reference.bearing, ranges[beam])
     gain = here - least
-    as_good = 0.0 if way.on_lap else settings.as_good * best_gain  # there the planner has found its way once
+    as_good = 0.0 if frontier.on_lap else settings.as_good * best_gain  # there the planner has found its way once
     if gain >= as_good and gain > -0.5 and not (bend > _BENDS or tight):
         memory.follows = False
         return True
@@ -245,10 +245,12 @@ def _planner_drives(
     present = math.tan(odometry.steering_angle) / car.wheelbase
     wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, most)
     memory.narrow = False
-    look_again(scan, ranges, car.lidar_offset, way, settings.every)  # walls that are not marked would be driven into
+    look_again(
+        geometry, ranges, car.lidar_offset, frontier, settings.every
+    )  # walls that are not marked would be driven into
     if not search_motion(
-        way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
-        settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, min(_NODES, MOST_NODES - way.nodes),
+        frontier, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
+        settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, min(_NODES, MOST_NODES - frontier.nodes),
     ):  # fmt: skip
         return False
     memory.follows = False
@@ -260,37 +262,37 @@ def _planner_drives(
 
 @kernel
 def _best_beam(
-    scan: Record, ranges: FloatArray, way: Record, x: float, y: float, here: float
+    geometry: Record, ranges: FloatArray, frontier: Record, x: float, y: float, here: float
 ) -> tuple[float, float, float]:
     """Return by how much the best beam shortens the way to go [m], how far along it that is [m], and its bearing."""
     gain, at, best = -math.inf, 0.0, 0
-    turn_cos, turn_sin = math.cos(scan.angle_increment * _BEAMS), math.sin(scan.angle_increment * _BEAMS)
-    cos, sin = math.cos(way.map.heading + scan.angle_min), math.sin(way.map.heading + scan.angle_min)
+    turn_cos, turn_sin = math.cos(geometry.angle_increment * _BEAMS), math.sin(geometry.angle_increment * _BEAMS)
+    cos, sin = math.cos(frontier.map.heading + geometry.angle_min), math.sin(frontier.map.heading + geometry.angle_min)
     for beam in range(0, len(ranges), _BEAMS):
-        least, place = least_to_go_towards(way, x, y, cos, sin, ranges[beam])
+        least, reach = least_distance_towards(frontier, x, y, cos, sin, ranges[beam])
         if here - least > gain:
-            gain, at, best = here - least, place, beam
+            gain, at, best = here - least, reach, beam
         cos, sin = cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
-    return gain, at, bearing_of(scan, best)
+    return gain, at, bearing_of(geometry, best)
 
 
 @kernel
 def _renew_motion(limiter: Record, settings: Record, memory: Record, present: float, speed: float) -> bool:
     """Search for a motion in every second tick, or in each while the car has none; return whether one was found."""
-    if memory.follows and memory.way.ticks % 2 == 1:
+    if memory.follows and memory.frontier.ticks % 2 == 1:
         return False
-    way, trial, horizon = memory.way, memory.trial, settings.horizon + 0.1 * speed * speed
+    frontier, trial, horizon = memory.frontier, memory.trial, settings.horizon + 0.1 * speed * speed
     found, narrow, lag = False, False, LAG + late_by(limiter.car)
     for grip, lock in ((settings.grip, settings.lock), (1.0, MOST_LOCK)):
         if not found:
-            nodes = min(_NODES, MOST_NODES - way.nodes)
+            nodes = min(_NODES, MOST_NODES - frontier.nodes)
             found = search_motion(
-                way, limiter, trial, present, speed, lag, grip, lock, horizon, NEAR_WALL, False, nodes
+                frontier, limiter, trial, present, speed, lag, grip, lock, horizon, NEAR_WALL, False, nodes
             )
     if not found and speed < 2.0:
         narrow = True
-        nodes = min(_NODES, MOST_NODES - way.nodes)
-        found = search_motion(way, limiter, trial, present, speed, lag, 1.0, MOST_LOCK, 2.0, AT_WALL, False, nodes)
+        nodes = min(_NODES, MOST_NODES - frontier.nodes)
+        found = search_motion(frontier, limiter, trial, present, speed, lag, 1.0, MOST_LOCK, 2.0, AT_WALL, False, nodes)
     if found:
         memory.motion.count = trial.count
         memory.motion.points[:] = trial.points
@@ -301,9 +303,9 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
 @kernel
 def _is_on_motion(memory: Record, car: Record) -> bool:
     """Return whether what is left of the motion is free, and the car on it."""
-    world, motion = memory.way.map, memory.motion
+    world, motion = memory.frontier.map, memory.motion
     points = motion.points[: motion.count]
-    memory.progress = next_place(points, memory.progress, world.x, world.y, world.heading)
+    memory.progress = next_point(points, memory.progress, world.x, world.y, world.heading)
     if memory.progress + 2 >= motion.count:
         return False
     _, aside, angle = errors(points[memory.progress], world.x, world.y, world.heading)
@@ -311,7 +313,7 @@ def _is_on_motion(memory: Record, car: Record) -> bool:
         return False
     for k in range(memory.progress, motion.count):
         point = motion.points[k]
-        if not is_clear(memory.way, car, point[X], point[Y], point[HEADING], AT_WALL):
+        if not is_clear(memory.frontier, car, point[X], point[Y], point[HEADING], AT_WALL):
             return False
     return True
 
@@ -328,7 +330,7 @@ def _bend(memory: Record, car: Record) -> float:
 @kernel
 def _follow(memory: Record, motion: Record, first: int, limiter: Record, speed: float, reference: Record) -> None:
     """Write the reference that keeps the car on a motion."""
-    world, points, car = memory.way.map, motion.points[: motion.count], limiter.car
+    world, points, car = memory.frontier.map, motion.points[: motion.count], limiter.car
     late, path_late = late_by(car), late_on_path(limiter.slip, car, speed)
     reference.steering_angle = steer_along(
         points, first, world.x, world.y, world.heading, speed, car.wheelbase, late, path_late
@@ -344,7 +346,7 @@ def path_ahead(memory: Record) -> FloatArray:
     """Return the points (m, 4) of the motion that the car follows, in the frame of its rear axle; or none."""
     if not memory.follows:
         return np.empty((0, 4))
-    return _in_frame_of_car(memory.way.map, memory.motion, memory.progress)
+    return _in_frame_of_car(memory.frontier.map, memory.motion, memory.progress)
 
 
 @kernel
@@ -357,10 +359,10 @@ def keep_stop(memory: Record) -> None:
 @kernel
 def stop_ahead(memory: Record) -> FloatArray:
     """Return the points (m, 4) of the motion along which the car could last stop, as `path_ahead` does."""
-    world, motion = memory.way.map, memory.stop
+    world, motion = memory.frontier.map, memory.stop
     if motion.count > 0:
         points = motion.points[: motion.count]
-        memory.stop_progress = next_place(points, memory.stop_progress, world.x, world.y, world.heading)
+        memory.stop_progress = next_point(points, memory.stop_progress, world.x, world.y, world.heading)
     return _in_frame_of_car(world, motion, memory.stop_progress)
 
 
@@ -388,10 +390,10 @@ def motion_ahead(memory: Record) -> FloatArray:
     Returns:
       (m, 2) [m]; no points where the planner drives.
     """
-    turning, world = memory["turning"], memory["way"]["map"]
+    turning, world = memory["turning"], memory["frontier"]["map"]
     motion, first = memory["motion"], int(memory["progress"])
     if turning["active"]:
-        motion, first = turning["motion"], int(turning["place"])
+        motion, first = turning["motion"], int(turning["next_point"])
     elif not memory["follows"]:
         return np.empty((0, 2))
     points = motion["points"][first : int(motion["count"]), [X, Y]] - (world["x"], world["y"])
@@ -405,7 +407,7 @@ def _speed_on(memory: Record, motion: Record, first: int, limiter: Record, setti
     """Return the speed [m/s] from which the car slows in time for a motion's curves, and stops at its end."""
     lateral, braking = settings.profile_grip * limiter.lateral, settings.profile_braking * limiter.braking
     square, along = math.inf, 0.0
-    x, y = memory.way.map.x, memory.way.map.y
+    x, y = memory.frontier.map.x, memory.frontier.map.y
     for k in range(first, motion.count):
         curvature = abs(motion.points[k, CURVATURE])
         if curvature > 0.0:
@@ -425,9 +427,9 @@ def _speed_to_frontier(limiter: Record, settings: Record, way_to_go: float) -> f
 
 
 @kernel
-def _speed_to_stop(scan: Record, ranges: FloatArray, limiter: Record, settings: Record) -> float:
+def _speed_to_stop(geometry: Record, ranges: FloatArray, limiter: Record, settings: Record) -> float:
     """Return the speed [m/s] from which the car stops ahead of what is in front of it."""
-    first, end = beams_between(scan, len(ranges), -_AHEAD, _AHEAD)
+    first, end = beams_between(geometry, len(ranges), -_AHEAD, _AHEAD)
     ahead = SIGHT
     for beam in range(first, end):
         ahead = min(ahead, ranges[beam])

@@ -183,12 +183,12 @@ def _outside(moved: FloatArray, aside: FloatArray) -> float:
 @kernel
 def _left(table: FloatArray, lateral: float, most: float) -> tuple[float, float]:
     """Return what a table has at a lateral acceleration [m/s^2], and its slope; beyond the last entry 0."""
-    place = lateral / most * (len(table) - 1)
-    at = int(place)
+    position = lateral / most * (len(table) - 1)
+    at = int(position)
     if at >= len(table) - 1:
         return 0.0, 0.0
     slope = table[at + 1] - table[at]
-    return table[at] + (place - at) * slope, slope * (len(table) - 1) / most
+    return table[at] + (position - at) * slope, slope * (len(table) - 1) / most
 
 
 @kernel

@@ -28,7 +28,7 @@ from fg_mujoco.compiled.kernels import kernel
 from ..control.planner_settings import Record
 from ..perception.cell_distances import FAR, UNIT
 from ..perception.cell_marks import AT_WALL
-from ..perception.frontiers import to_go_around, to_go_at
+from ..perception.frontiers import distance_to_goal_around, distance_to_goal_at
 from ..perception.local_map import FREE, PER_METRE, RING, SIZE, WALL, in_window
 from .friction_limiter import longitudinal_share
 
@@ -68,7 +68,7 @@ MOTION = np.dtype(
 
 @kernel
 def search_motion(
-    way: Record,
+    frontier: Record,
     limiter: Record,
     motion: Record,
     curvature: float,
@@ -86,7 +86,7 @@ def search_motion(
     Where there is none, the motion leads to where the way to go is shortest.
 
     Args:
-      way: of type FRONTIER_SEARCH.
+      frontier: of type FRONTIER_SEARCH.
       limiter: of type LIMITER.
       motion: of type MOTION, written to.
       curvature: present [1/m].
@@ -97,9 +97,9 @@ def search_motion(
       horizon: [m].
       nearest: which cells have to be clear of, NEAR_WALL or AT_WALL.
       reverses: the car may drive in reverse, too.
-      most_nodes: after which the search ends. `way.nodes` counts them; all searches of a tick have MOST_NODES.
+      most_nodes: after which the search ends. `frontier.nodes` counts them; all searches of a tick have MOST_NODES.
     """
-    car, world = limiter.car, way.map
+    car, world = limiter.car, frontier.map
     lateral = grip * limiter.lateral
     tightest = lock * math.tan(car.max_steering_angle) / car.wheelbase
     slowest = lateral / tightest  # [m^2/s^2] square of the speed at which full lock is held
@@ -121,14 +121,14 @@ def search_motion(
     start[2], start[3], start[4], start[5] = world.heading + turned, curvature, max(speed, 0.0) ** 2, 0.0
     start[6], start[7] = math.cos(start[2]), math.sin(start[2])
     offset = car.lidar_offset
-    whole = to_go_around(way, start[0] + offset * start[6], start[1] + offset * start[7])
+    whole = distance_to_goal_around(frontier, start[0] + offset * start[6], start[1] + offset * start[7])
     if not math.isfinite(whole):
         return False
     middle = _SHARES // 2
     most = min(tightest, lateral / max(start[4], 1e-3))
     share[0] = round(min(max(curvature / most, -1.0), 1.0) * middle) + middle
     direction[0], parent[0], value[0], heap[0] = 1, -1, whole, 0
-    clear = _discs_are_clear(way, car, start[0], start[1], start[6], start[7], nearest)
+    clear = _discs_are_clear(frontier, car, start[0], start[1], start[6], start[7], nearest)
     compares = reverses or nearest == AT_WALL or not clear  # the outline with the ends of beams
     ends, hits, margin = _sorted_ends(world, world.ends_known if compares else 0), 0, _MARGIN
     if compares:
@@ -161,10 +161,10 @@ def search_motion(
                 continue
             touching = not clear and here[5] < _TOUCHING_LENGTH
             cos, sin = _arc(arcs, to_share, _WHOLE, turn_rate, length, to, here, after)
-            cells = to_go_at(way, after[0] + offset * cos, after[1] + offset * sin)
+            cells = distance_to_goal_at(frontier, after[0] + offset * cos, after[1] + offset * sin)
             if cells == FAR and to == 1 and not touching and here[5] > _UNKNOWN_LENGTH:
                 continue
-            to_go = cells * UNIT if cells != FAR else rest + length
+            distance_to_goal = cells * UNIT if cells != FAR else rest + length
             key = _key(after, 2 if nearest == AT_WALL else 1, to)
             slot = _slot(table, key)
             if table[slot] == key:  # a motion has come there
@@ -185,7 +185,7 @@ def search_motion(
                     most_hits = hits if touching else MOST_IN_WALLS
                     passes = outline_in_walls(world, car, x, y, cos, sin) <= most_hits
                 else:
-                    passes = _discs_are_clear(way, car, x, y, cos, sin, nearest)
+                    passes = _discs_are_clear(frontier, car, x, y, cos, sin, nearest)
                 if passes and (compared or corners):
                     passes = not _touches(ends, car, x, y, cos, sin, margin)
                 if not passes:
@@ -199,31 +199,31 @@ def search_motion(
             after[6], after[7] = cos, sin
             state[count] = after
             share[count], direction[count], parent[count] = to_share, to, node
-            value[count] = after[5] + to_go
-            if to_go < least:
-                best, least = count, to_go
+            value[count] = after[5] + distance_to_goal
+            if distance_to_goal < least:
+                best, least = count, distance_to_goal
             _push(heap, value, waiting, count)
             waiting += 1
             count += 1
-    way.nodes += count
+    frontier.nodes += count
     _write(motion, best, parent, state, direction)
     return bool(motion.found)
 
 
 @kernel
-def is_clear(way: Record, car: Record, x: float, y: float, heading: float, nearest: int) -> bool:
+def is_clear(frontier: Record, car: Record, x: float, y: float, heading: float, nearest: int) -> bool:
     """Return whether three discs on the axis of a car at a place keep clear of walls."""
-    return _discs_are_clear(way, car, x, y, math.cos(heading), math.sin(heading), nearest)
+    return _discs_are_clear(frontier, car, x, y, math.cos(heading), math.sin(heading), nearest)
 
 
 @kernel
-def _discs_are_clear(way: Record, car: Record, x: float, y: float, cos: float, sin: float, nearest: int) -> bool:
+def _discs_are_clear(frontier: Record, car: Record, x: float, y: float, cos: float, sin: float, nearest: int) -> bool:
     """Return the same as `is_clear`, by the cosine and the sine of the heading."""
     back, front = 0.5 * car.width - car.rear_overhang, car.length - car.rear_overhang - 0.5 * car.width
     for k in range(3):
-        place = back + 0.5 * k * (front - back)
-        i, j = math.floor((x + place * cos) * PER_METRE), math.floor((y + place * sin) * PER_METRE)
-        if not in_window(way.map, i, j) or way.blocked[i & RING, j & RING] & nearest != 0:
+        offset = back + 0.5 * k * (front - back)
+        i, j = math.floor((x + offset * cos) * PER_METRE), math.floor((y + offset * sin) * PER_METRE)
+        if not in_window(frontier.map, i, j) or frontier.blocked[i & RING, j & RING] & nearest != 0:
             return False
     return True
 
@@ -233,10 +233,10 @@ def outline_in_walls(world: Record, car: Record, x: float, y: float, cos: float,
     """Return how many of 14 points of a car's outline lie in cells of walls, by its heading's cosine and sine."""
     hits = 0
     for k in range(7):
-        place = k * car.length / 6.0 - car.rear_overhang
+        index = k * car.length / 6.0 - car.rear_overhang
         for side in (-0.5 * car.width, 0.5 * car.width):
-            i = math.floor((x + place * cos - side * sin) * PER_METRE)
-            j = math.floor((y + place * sin + side * cos) * PER_METRE)
+            i = math.floor((x + index * cos - side * sin) * PER_METRE)
+            j = math.floor((y + index * sin + side * cos) * PER_METRE)
             hits += world.cells[i & RING, j & RING] == WALL
     return hits
 
@@ -328,7 +328,7 @@ def _arc(
     curvature: float,
     length: float,
     direction: int,
-    place: NDArray[np.float64],
+    index: NDArray[np.float64],
     after: NDArray[np.float64],
 ) -> tuple[float, float]:
     """Write the end of a part of an arc: x, y, heading, curvature; return the cosine and the sine of its heading.
@@ -340,33 +340,33 @@ def _arc(
       curvature: [1/m].
       length: of the whole arc [m].
       direction: 1 or -1: reverse.
-      place: row of `state`.
+      index: row of `state`.
       after: written to.
     """
-    turned, cos, sin = curvature * _PARTS[part] * length, place[6], place[7]
+    turned, cos, sin = curvature * _PARTS[part] * length, index[6], index[7]
     if arcs[share, part, 0] != length:  # the length tells the speed, and so the curvature
         chord, half = _PARTS[part] * length, 0.5 * turned
         arcs[share, part, 0], arcs[share, part, 3], arcs[share, part, 4] = length, math.cos(turned), math.sin(turned)
         arcs[share, part, 1], arcs[share, part, 2] = chord * math.cos(half), chord * math.sin(half)
     ahead, aside = arcs[share, part, 1] * direction, arcs[share, part, 2]
     turn_cos, turn_sin = arcs[share, part, 3], arcs[share, part, 4] * direction
-    after[0], after[1] = place[0] + cos * ahead - sin * aside, place[1] + sin * ahead + cos * aside
-    after[2], after[3] = place[2] + turned * direction, curvature
+    after[0], after[1] = index[0] + cos * ahead - sin * aside, index[1] + sin * ahead + cos * aside
+    after[2], after[3] = index[2] + turned * direction, curvature
     return cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
 
 
 @kernel
-def _key(place: NDArray[np.float64], fine: int, direction: int) -> int:
+def _key(pose: NDArray[np.float64], fine: int, direction: int) -> int:
     """Return the number of the cell, heading and direction of a place, above 0; `fine` times as fine as cells are."""
-    i = math.floor(place[0] * PER_METRE * fine) & (fine * SIZE - 1)
-    j = math.floor(place[1] * PER_METRE * fine) & (fine * SIZE - 1)
-    turn = math.floor(place[2] * (_HEADINGS / (2.0 * math.pi)) * fine) % (_HEADINGS * fine)
+    i = math.floor(pose[0] * PER_METRE * fine) & (fine * SIZE - 1)
+    j = math.floor(pose[1] * PER_METRE * fine) & (fine * SIZE - 1)
+    turn = math.floor(pose[2] * (_HEADINGS / (2.0 * math.pi)) * fine) % (_HEADINGS * fine)
     return int(((i * SIZE * fine + j) * _HEADINGS * fine + turn) * 2 + (direction == 1) + 1)
 
 
 @kernel
 def _slot(table: NDArray[np.int32], key: int) -> int:
-    """Return the place at which a table of keys has a key, or at which it is to be put; 0 marks an empty place."""
+    """Return the index at which a table of keys has a key, or at which it is to be put; 0 marks an empty place."""
     slot = (key * 2654435761) & (len(table) - 1)
     while table[slot] != 0 and table[slot] != key:
         slot = (slot + 1) & (len(table) - 1)
@@ -376,26 +376,26 @@ def _slot(table: NDArray[np.int32], key: int) -> int:
 @kernel
 def _push(heap: NDArray[np.int32], value: NDArray[np.float64], waiting: int, node: int) -> None:
     """Add a node to a heap of so many, the least value first."""
-    place = waiting
-    while place > 0 and value[heap[(place - 1) // 2]] > value[node]:
-        heap[place] = heap[(place - 1) // 2]
-        place = (place - 1) // 2
-    heap[place] = node
+    index = waiting
+    while index > 0 and value[heap[(index - 1) // 2]] > value[node]:
+        heap[index] = heap[(index - 1) // 2]
+        index = (index - 1) // 2
+    heap[index] = node
 
 
 @kernel
 def _pop(heap: NDArray[np.int32], value: NDArray[np.float64], waiting: int) -> int:
     """Take the node of the least value from a heap of so many."""
-    least, last, size, place = heap[0], heap[waiting - 1], waiting - 1, 0
-    while 2 * place + 1 < size:
-        child = 2 * place + 1
+    least, last, size, index = heap[0], heap[waiting - 1], waiting - 1, 0
+    while 2 * index + 1 < size:
+        child = 2 * index + 1
         if child + 1 < size and value[heap[child + 1]] < value[heap[child]]:
             child += 1
         if value[heap[child]] >= value[last]:
             break
-        heap[place] = heap[child]
-        place = child
-    heap[place] = last
+        heap[index] = heap[child]
+        index = child
+    heap[index] = last
     return int(least)
 
 

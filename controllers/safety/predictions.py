@@ -27,8 +27,8 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import ODOMETRY, FloatArray
 
 from ..control.planner_settings import Record
-from ..control.slip import course_angle
-from ..perception.scan_geometry import nearest_place, sees
+from ..control.slip import velocity_angle
+from ..perception.scan_geometry import nearest_beam, sees
 from ..perception.targets import MOST_TARGETS, TARGETS, track_targets
 
 MOST_CARS = 6
@@ -78,53 +78,58 @@ PREDICTIONS = np.dtype(
 
 @kernel
 def foresee(
-    scan: Record, seen: FloatArray, clear: FloatArray, odometry: Record, driver: Record, memory: Record
+    geometry: Record,
+    seen: FloatArray,
+    ranges_without_movers: FloatArray,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
 ) -> bool:
     """Predict and separate the targets; return whether one moves. Without one neither scan is written to."""
-    moves = predict(scan, seen, odometry, driver, memory)
+    moves = predict(geometry, seen, odometry, driver, memory)
     if moves:
-        separate(scan, seen, clear, memory)
+        separate(geometry, seen, ranges_without_movers, memory)
     return moves
 
 
 @kernel
-def predict(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, memory: Record) -> bool:
+def predict(geometry: Record, ranges: FloatArray, odometry: Record, driver: Record, memory: Record) -> bool:
     """Track the targets in a scan and predict those that move; return whether there is one.
 
     Args:
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       driver: of type driving.DRIVER; with `prediction` off nothing is tracked.
       memory: of type PREDICTIONS, written to.
     """
-    return track(scan, ranges, odometry, driver, memory) and write_predictions(memory)
+    return track(geometry, ranges, odometry, driver, memory) and write_predictions(memory)
 
 
 @kernel
-def track(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, memory: Record) -> bool:
+def track(geometry: Record, ranges: FloatArray, odometry: Record, driver: Record, memory: Record) -> bool:
     """Track the targets in a scan; return whether one moves. Arguments as of `predict`."""
     memory.count = memory.cars = 0
-    if not (driver.prediction and sees(scan, ranges)):
+    if not (driver.prediction and sees(geometry, ranges)):
         return False
     _keep_odometry(memory, odometry, driver.late)
     then = memory.odometry
-    course = course_angle(driver.limiter.slip, driver.car, then.speed, then.angular_velocity[2])
-    return track_targets(memory.targets, scan, ranges, then, driver.car.lidar_offset, course) > 0
+    angle = velocity_angle(driver.limiter.slip, driver.car, then.speed, then.angular_velocity[2])
+    return track_targets(memory.targets, geometry, ranges, then, driver.car.lidar_offset, angle) > 0
 
 
 @kernel
 def _keep_odometry(memory: Record, odometry: Record, late: int) -> None:
     """Write the odometry of `late` ticks ago, when the scan was measured: by a newer one standing things move."""
-    place = memory.tick % MOST_LATE
-    memory.speeds[place], memory.yaw_rates[place] = odometry.speed, odometry.angular_velocity[2]
+    column = memory.tick % MOST_LATE
+    memory.speeds[column], memory.yaw_rates[column] = odometry.speed, odometry.angular_velocity[2]
     then = max(memory.tick - late, 0) % MOST_LATE
     memory.tick += 1
     memory.odometry.speed, memory.odometry.angular_velocity[2] = memory.speeds[then], memory.yaw_rates[then]
 
 
 @kernel
-def place_of(seen: Record, target: Record) -> tuple[float, float]:
+def position_of(seen: Record, target: Record) -> tuple[float, float]:
     """Return how far the middle of a target is ahead of the LiDAR and to its left [m]; `seen` is of type TARGETS."""
     cos, sin = math.cos(seen.heading), math.sin(seen.heading)
     dx = 0.5 * (target.ends[0, 0] + target.ends[1, 0]) - seen.x
@@ -141,7 +146,7 @@ def write_predictions(memory: Record) -> bool:
         if target.age > 0 and target.moves:
             row = memory.rows[memory.count]
             memory.count += 1
-            row[X], row[Y] = place_of(seen, target)
+            row[X], row[Y] = position_of(seen, target)
             speed = math.hypot(target.vx, target.vy)
             row[SPEED], row[RADIUS] = speed, max(target.size, _LEAST_RADIUS) + _MARGIN
             row[COS], row[SIN] = 1.0, 0.0
@@ -154,23 +159,23 @@ def write_predictions(memory: Record) -> bool:
 
 
 @kernel
-def separate(scan: Record, seen: FloatArray, clear: FloatArray, memory: Record) -> None:
+def separate(geometry: Record, seen: FloatArray, ranges_without_movers: FloatArray, memory: Record) -> None:
     """Take the targets out of a scan, copy it, and write how far each of them can go on and back.
 
     Args:
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       seen: readings (n,) [m], written to.
-      clear: (n,) [m], written to: the same.
+      ranges_without_movers: (n,) [m], written to: the same.
       memory: of type PREDICTIONS, written to.
     """
     hide_targets(memory.targets, seen)
     for beam in range(len(seen)):
-        clear[beam] = seen[beam]
+        ranges_without_movers[beam] = seen[beam]
     k = 0
     for target in memory.targets.targets:
         if target.age > 0 and target.moves:
-            memory.rows[k, TO_WALL] = _way_to_wall(scan, clear, memory.rows[k], 1.0)
-            memory.rows[k, FROM_WALL] = _way_to_wall(scan, clear, memory.rows[k], -1.0)
+            memory.rows[k, TO_WALL] = _way_to_wall(geometry, ranges_without_movers, memory.rows[k], 1.0)
+            memory.rows[k, FROM_WALL] = _way_to_wall(geometry, ranges_without_movers, memory.rows[k], -1.0)
             _end_where_it_turned(memory.targets, target, memory.rows[k])
             k += 1
 
@@ -281,14 +286,14 @@ def turned(memory: Record, angle: float) -> FloatArray:
     if angle != 0.0:
         cos, sin = math.cos(angle), math.sin(angle)
         for k in range(len(rows)):
-            for place in (X, COS):
-                ahead, left = rows[k, place], rows[k, place + 1]
-                rows[k, place], rows[k, place + 1] = cos * ahead + sin * left, cos * left - sin * ahead
+            for column in (X, COS):
+                ahead, left = rows[k, column], rows[k, column + 1]
+                rows[k, column], rows[k, column + 1] = cos * ahead + sin * left, cos * left - sin * ahead
     return rows
 
 
 @kernel
-def _way_to_wall(scan: Record, clear: FloatArray, row: FloatArray, sign: float) -> float:
+def _way_to_wall(geometry: Record, ranges_without_movers: FloatArray, row: FloatArray, sign: float) -> float:
     """Return how far a target can go before its rim touches a standing thing [m]; inf: there is none.
 
     It goes on along its line where `sign` is 1, and back where it is -1.
@@ -296,10 +301,10 @@ def _way_to_wall(scan: Record, clear: FloatArray, row: FloatArray, sign: float) 
     for step in range(int(_FARTHEST_WALL / _ALONG) + 1):
         way = row[RADIUS] - _MARGIN + step * _ALONG
         ahead, left = row[X] + sign * way * row[COS], row[Y] + sign * way * row[SIN]
-        beam = nearest_place(scan.angle_min, scan.angle_increment, ahead, left)
-        if not 0.0 <= beam < len(clear):
+        beam = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left)
+        if not 0.0 <= beam < len(ranges_without_movers):
             return math.inf
-        if clear[int(beam)] < math.hypot(ahead, left):
+        if ranges_without_movers[int(beam)] < math.hypot(ahead, left):
             return max(step - 1, 0) * _ALONG
     return math.inf
 
@@ -309,8 +314,8 @@ def _end_where_it_turned(seen: Record, target: Record, row: FloatArray) -> None:
     """Shorten the ways of a target to where it was seen to turn back, and write at how many ends it was."""
     cos, sin = math.cos(seen.heading), math.sin(seen.heading)
     row[TURNS] = 0.0
-    for place in range(min(target.turns, 2)):
-        dx, dy = target.turned[place, 0] - seen.x, target.turned[place, 1] - seen.y
+    for index in range(min(target.turns, 2)):
+        dx, dy = target.turned[index, 0] - seen.x, target.turned[index, 1] - seen.y
         ahead, left = cos * dx + sin * dy - row[X], cos * dy - sin * dx - row[Y]
         along, across = row[COS] * ahead + row[SIN] * left, row[COS] * left - row[SIN] * ahead
         if abs(across) < _ON_LINE:

@@ -42,10 +42,10 @@ from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Setti
 from ..control.slip import held_arc, late_on_path, path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, late_by, pursue
-from ..control.tracking import next_place, steer_along
+from ..control.tracking import next_point, steer_along
 from ..perception.cell_marks import NEAR_WALL, OPEN, WITHIN_4
 from ..perception.local_map import PER_METRE, RING, in_window
-from ..perception.scan_geometry import nearest_place
+from ..perception.scan_geometry import nearest_beam
 from .friction_limiter import FrictionLimiterSettings, limited
 from .predictions import WAIT, WAITS, meets
 
@@ -291,16 +291,16 @@ def speed_at_contact(
     slowed = share_of_way(period, car.speed_time_constant)
     slowed_twice = share_of_way(2.0 * period, car.speed_time_constant)
     x, y, heading = 0.0, 0.0, 0.0  # of the rear axle
-    place, path_curvature, soft = 0, memory.curvature, limiter.slip.soft
+    index, path_curvature, soft = 0, memory.curvature, limiter.slip.needs_slip_angle
     moving, time, apart = len(predictions) > 0, 0.0, radius + settings.margin_aside
     known = len(path) > 0
     for tick in range(_TICKS):
         ticks = 1.0 if tick < _FINE_TICKS else 2.0
         reference = angle
         if len(path) > 0:
-            place = next_place(path, place, x, y, heading)
+            index = next_point(path, index, x, y, heading)
             late, path_late = late_by(car), late_on_path(limiter.slip, car, speed)
-            reference = steer_along(path, place, x, y, heading, speed, car.wheelbase, late, path_late)
+            reference = steer_along(path, index, x, y, heading, speed, car.wheelbase, late, path_late)
         elif distance > settings.arrived:
             nearer = min(1.0, settings.pursuit_distance / distance)
             reference = arc_through(lidar + nearer * goal_ahead, nearer * goal_left, car.wheelbase)
@@ -371,15 +371,15 @@ def _was_seen(ground: Record, x: float, y: float, cos: float, sin: float, ahead:
 @kernel
 def reading_towards(ranges: FloatArray, angle_min: float, angle_increment: float, ahead: float, left: float) -> float:
     """Return the reading of `ranges` (n,) [m] in the direction of a point [m] in the frame of the LiDAR."""
-    place = nearest_place(angle_min, angle_increment, ahead, left)
-    return float(ranges[int(min(len(ranges) - 1.0, max(0.0, place)))])
+    index = nearest_beam(angle_min, angle_increment, ahead, left)
+    return float(ranges[int(min(len(ranges) - 1.0, max(0.0, index)))])
 
 
 @kernel
 def reading(ranges: FloatArray, angle_min: float, angle_increment: float, bearing: float) -> float:
     """Return the reading of `ranges` (n,) [m] at a bearing [rad]."""
-    place = np.rint((bearing - angle_min) / angle_increment)
-    return float(ranges[int(min(len(ranges) - 1.0, max(0.0, place)))])
+    index = np.rint((bearing - angle_min) / angle_increment)
+    return float(ranges[int(min(len(ranges) - 1.0, max(0.0, index)))])
 
 
 @kernel

@@ -45,7 +45,7 @@ TURNING = np.dtype(
         ("slow", np.int64),  # ticks for which the car has been slow; while turning, for which it has stood
         ("failed", np.int64),  # times that no motion was found
         ("motion", MOTION),
-        ("place", np.int64),  # index of the motion's point that is next
+        ("next_point", np.int64),  # index of the motion's point that is next
         ("in_walls", np.int64),  # points of the outline in cells of walls at the beginning
         ("steering_angle", np.float64),  # [rad] of the command
         ("speed", np.float64),  # [m/s] of the command, negative in reverse
@@ -55,33 +55,34 @@ TURNING = np.dtype(
 
 
 @kernel
-def turn_in_moves(way: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> None:
+def turn_in_moves(frontier: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> None:
     """Begin, follow or end a turn in several moves. While it is active, its command is in the memory.
 
     Args:
-      way: of type FRONTIER_SEARCH.
+      frontier: of type FRONTIER_SEARCH.
       limiter: of type LIMITER.
       memory: of type TURNING, written to.
       steering_angle: present [rad].
       speed: present [m/s].
     """
-    if not memory.active and not _begins(way, limiter, memory, steering_angle, speed):
+    if not memory.active and not _begins(frontier, limiter, memory, steering_angle, speed):
         return
-    car, world, motion = limiter.car, way.map, memory.motion
+    car, world, motion = limiter.car, frontier.map, memory.motion
     cos, sin = math.cos(world.heading), math.sin(world.heading)
-    while memory.place < motion.count:
-        point = motion.points[memory.place]
+    while memory.next_point < motion.count:
+        point = motion.points[memory.next_point]
         ahead = (cos * (point[X] - world.x) + sin * (point[Y] - world.y)) * point[DIRECTION]
-        last = memory.place + 1 == motion.count or motion.points[memory.place + 1, DIRECTION] != point[DIRECTION]
+        after = memory.next_point + 1
+        last = after == motion.count or motion.points[after, DIRECTION] != point[DIRECTION]
         if ahead > (0.03 if last else 0.12):
             break
-        memory.place += 1
-    if memory.place >= motion.count or memory.slow > _GIVE_UP or not _is_free(way, car, memory):
+        memory.next_point += 1
+    if memory.next_point >= motion.count or memory.slow > _GIVE_UP or not _is_free(frontier, car, memory):
         memory.active, memory.slow = False, 0
         return
     memory.slow = memory.slow + 1 if abs(speed) < 0.05 else 0
-    direction, left, target = motion.points[memory.place, DIRECTION], 0.0, -1
-    x, y, end = world.x, world.y, memory.place
+    direction, left, target = motion.points[memory.next_point, DIRECTION], 0.0, -1
+    x, y, end = world.x, world.y, memory.next_point
     while end < motion.count and motion.points[end, DIRECTION] == direction:
         left += math.hypot(motion.points[end, X] - x, motion.points[end, Y] - y)
         x, y = motion.points[end, X], motion.points[end, Y]
@@ -91,7 +92,7 @@ def turn_in_moves(way: Record, limiter: Record, memory: Record, steering_angle: 
     point = motion.points[target if target >= 0 else end - 1]
     ahead = cos * (point[X] - world.x) + sin * (point[Y] - world.y)
     aside = cos * (point[Y] - world.y) - sin * (point[X] - world.x)
-    angle = math.atan(motion.points[memory.place, CURVATURE] * car.wheelbase)
+    angle = math.atan(motion.points[memory.next_point, CURVATURE] * car.wheelbase)
     if abs(ahead) > 0.15:
         angle = arc_through(ahead, aside, car.wheelbase)
     memory.steering_angle = saturate(angle, car.max_steering_angle)
@@ -102,25 +103,25 @@ def turn_in_moves(way: Record, limiter: Record, memory: Record, steering_angle: 
 
 
 @kernel
-def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> bool:
+def _begins(frontier: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> bool:
     """Return whether the car begins to turn now."""
     memory.slow = memory.slow + 1 if abs(speed) < _SLOW else 0
     settings = limiter.settings
     start = _SLOW / limiter.accelerating + 0.5 * settings.load_transfer_time  # [s] of a standing start to _SLOW
     late = math.ceil(limiter.car.command_delay / _TICK)  # ticks until the car answers a command
-    if memory.slow < max(_PATIENCE, int(start / _TICK) + 2) + late or not way.found:
+    if memory.slow < max(_PATIENCE, int(start / _TICK) + 2) + late or not frontier.found:
         return False
     memory.slow = 0
-    car, world = limiter.car, way.map
+    car, world = limiter.car, frontier.map
     curvature = math.tan(steering_angle) / car.wheelbase
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     for attempt in range(2):  # the second has what the first leaves of the nodes, so next time the other one begins
         nearest = NEAR_WALL if (attempt + memory.failed) % 2 == 0 else AT_WALL
-        nodes = MOST_NODES - way.nodes
+        nodes = MOST_NODES - frontier.nodes
         if search_motion(
-            way, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, nodes
+            frontier, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, nodes
         ):
-            memory.active, memory.place = True, 0
+            memory.active, memory.next_point = True, 0
             memory.in_walls = outline_in_walls(world, car, world.x, world.y, cos, sin)
             return True
     memory.failed += 1
@@ -128,13 +129,13 @@ def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float,
 
 
 @kernel
-def _is_free(way: Record, car: Record, memory: Record) -> bool:
+def _is_free(frontier: Record, car: Record, memory: Record) -> bool:
     """Return whether what is left of the motion is free."""
-    for k in range(memory.place, memory.motion.count):
+    for k in range(memory.next_point, memory.motion.count):
         point = memory.motion.points[k]
         cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])
-        if outline_in_walls(way.map, car, point[X], point[Y], cos, sin) > max(memory.in_walls, MOST_IN_WALLS):
+        if outline_in_walls(frontier.map, car, point[X], point[Y], cos, sin) > max(memory.in_walls, MOST_IN_WALLS):
             return False
-        if touches(way.map, car, point[X], point[Y], point[HEADING], 0.0):
+        if touches(frontier.map, car, point[X], point[Y], point[HEADING], 0.0):
             return False
     return True

@@ -4,7 +4,7 @@ The car has one motor and open differentials, so all four wheels get the same to
 lets go first, at g (l / b) / (h' / b + 1 / (2 mu)), well before mu g. In a turn the lighter inner wheel lets go first.
 
 - `stops`: stopping distances with all wheels held, as if each had a brake; with the motor commanded to stop at once,
-  which holds the mean of the wheels, so that the rear ones run backwards; and with the friction limiter ("guard");
+  which holds the mean of the wheels, so that the rear ones run backwards; and with the friction limiter ("limiter");
 - `throttle`: acceleration over speed, beside the motor's limit: max_acceleration, which falls above power_limit_speed
   as power_limit_speed / v;
 - `splits`: on a circle, cornering at a share of mu g, braking (or accelerating) grows until a tire slides: the car's
@@ -49,7 +49,7 @@ _FASTEST, _SLOWEST = 8.0, 3.0  # [m/s] straight ahead, for braking and for accel
 _PERIOD = 0.005  # [s] of the brake's control
 _STANDING = 0.05  # [m/s]
 _HOLDING = 10.0  # [N m s/rad] damping of a held wheel: it creeps at 2 mm/s under all its friction
-_HOWS = ("held", "full", "guard")
+_HOWS = ("held", "full", "limiter")
 _EVERY = 0.02  # [s] of the g-g diagram
 _WINDOW = 0.02  # [s] over which a car's acceleration is told
 
@@ -99,7 +99,7 @@ class Braking:
                 ),
                 "splits": (
                     "tires", "mu", "lateral_share_begun", "direction", "lateral_share", "longitudinal_share",
-                    "guard_share", "use_of_car", "first_tire", "greatest_use", "reason",
+                    "limiter_share", "use_of_car", "first_tire", "greatest_use", "reason",
                 ),
             },
             expected=tuple(line for name in sets for line in _expected(name, _on(tables, name))),
@@ -144,7 +144,7 @@ def _stop(tires: Tires, mu: float, speed: float, how: str) -> Row:
     """Brake from a speed to a stand."""
     ground = LabGround(mu, tires=tires)
     car = ground.car.parameters
-    hold = LAWS["guard" if how == "guard" else "none"](car, mu)
+    hold = LAWS["limiter" if how == "limiter" else "none"](car, mu)
     ground.place(speed)
     if how == "held":
         dofs = [ground.model.joint(f"{wheel}_wheel").dofadr[0] for wheel in WHEELS]
@@ -218,7 +218,7 @@ def _split(tires: Tires, mu: float, share: float, direction: int) -> tuple[Row, 
         "direction": "braking" if direction < 0 else "accelerating",
         "lateral_share": float(across),
         "longitudinal_share": float(along),
-        "guard_share": float(direction * allowed),
+        "limiter_share": float(direction * allowed),
         "use_of_car": float(math.hypot(along, across)),
         "first_tire": WHEELS[int(np.nanargmax(then.slip.sliding_speed[-1]))] if slid is not None else "",
         "greatest_use": float(use),
@@ -279,8 +279,8 @@ def _sentences(tires: str, tables: Tables) -> tuple[str, ...]:
         f"On {tires}, with all wheels held a stop takes {_span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By "
         f"its one motor the car takes {_span(_ratios(stops, 'full', 'best_m'), 2)}, because open differentials let the "
         "rear axle, which braking lightens, limit the braking of all wheels; with the friction limiter "
-        f"{_span(_ratios(stops, 'guard', 'best_m'), 2)}, without sliding, which is its closed form to "
-        f"{100 * np.abs(_ratios(stops, 'guard', 'closed_form_m') - 1.0).max():.1f} %.",
+        f"{_span(_ratios(stops, 'limiter', 'best_m'), 2)}, without sliding, which is its closed form to "
+        f"{100 * np.abs(_ratios(stops, 'limiter', 'closed_form_m') - 1.0).max():.1f} %.",
         f"At full throttle on ground of mu {GRIPPY:g} the car has {_span(motor, 2)} of the motor's limit.",
         f"No tire ever has more than {np.nanmax(column(splits, 'greatest_use')):.6f} of mu times its load. The car has "
         f"{_span(column(splits, 'use_of_car'), 2)} of mu g when its first tire slides. The friction limiter allows "
@@ -291,12 +291,12 @@ def _sentences(tires: str, tables: Tables) -> tuple[str, ...]:
 def _least_margin(splits: list[Row]) -> float:
     """Return the least margin of the friction limiter, as a share of the acceleration at which a tire slid."""
     slid = [row for row in splits if not row["reason"] and abs(float(row["longitudinal_share"] or 0.0)) > 0.02]
-    return float((1.0 - column(slid, "guard_share") / column(slid, "longitudinal_share")).min()) if slid else math.nan
+    return float((1.0 - column(slid, "limiter_share") / column(slid, "longitudinal_share")).min()) if slid else math.nan
 
 
 def _expected(tires: str, tables: Tables) -> tuple[tuple[str, str, str], ...]:
     stops, splits, points = tables["stops"], tables["splits"], tables["gg"]
-    slide = column([row for row in stops if row["how"] == "guard"], "slide_m_s").max()
+    slide = column([row for row in stops if row["how"] == "limiter"], "slide_m_s").max()
     car = np.hypot(column(points, "along_g"), column(points, "across_g")) / column(points, "mu")
     return (
         (f"{tires}: stop with all wheels held, over v²/(2 mu g)", "1", _span(_ratios(stops, "held", "best_m"))),
@@ -305,7 +305,11 @@ def _expected(tires: str, tables: Tables) -> tuple[tuple[str, str, str], ...]:
             "1",
             _span(_ratios(stops, "full", "closed_form_m")),
         ),
-        ("stop with the friction limiter, over its closed form", "1", _span(_ratios(stops, "guard", "closed_form_m"))),
+        (
+            "stop with the friction limiter, over its closed form",
+            "1",
+            _span(_ratios(stops, "limiter", "closed_form_m")),
+        ),
         ("stop with the friction limiter, greatest slide", f"below {slides_above(tires)} m/s", f"{slide:.3f} m/s"),
         ("g-g: force over mu times load, any tire", "at most 1", f"{column(splits, 'greatest_use').max():.6f}"),
         ("g-g: the car's acceleration over mu g", "at most 1, while loads stay", f"{car.max():.3f}"),

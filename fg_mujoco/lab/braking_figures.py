@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import matplotlib.axes
     import matplotlib.figure
 
-_STOPS = {"held": "wheels held", "full": "full brake", "guard": "limiter"}
+_STOPS = {"held": "wheels held", "full": "full brake", "limiter": "limiter"}
 
 
 def draw_stops(figure: matplotlib.figure.Figure, tables: Tables) -> None:

@@ -3,7 +3,7 @@
 A planner that knows its tires drives five laps of each circuit. The time of the best lap is compared with the times
 that the laws of motion allow on the same line (lap_time_bound): for a point mass on the friction circle, which is the
 bound; for a car whose axles hold, which shows what no friction limiter could use; and for a car within the limiter's
-shares of the grip ("guarded"), which shows what these cost. The rest is due to the limited view and to transients:
+shares of the grip ("limited"), which shows what these cost. The rest is due to the limited view and to transients:
 `gap_finder` sees as far as its LiDAR, and `pure_pursuit`, with the same limiter, has a map.
 """
 
@@ -57,7 +57,7 @@ _NEAR = 0.99  # of a corner's speed, from which on it is the corner that holds t
 _CAUSES = ("top_speed", "cornering", "accelerating", "braking")
 _NUMBERS = (
     "first_lap_s", "best_lap_s", "max_slide_m_s", "sliding_share", "friction_use_max", "friction_use_mean", "line_m",
-    "gap_mm", "bound_s", "ratio", "holding_bound_s", "holding_ratio", "guarded_bound_s", "guarded_ratio",
+    "gap_mm", "bound_s", "ratio", "holding_bound_s", "holding_ratio", "limited_bound_s", "limited_ratio",
     *(f"lost_{cause}_s" for cause in _CAUSES),
 )  # fmt: skip
 
@@ -127,21 +127,21 @@ class LapsExperiment:
                  "ratio": best / bound, "tightest_radius_m": 1.0 / float(np.abs(smoothed.curvature).max())}
             )  # fmt: skip
         line = smooth_line(driven.points, TOLERANCE)
-        fastest, holding, guarded = (fastest_speeds(line, car) for car in (point_mass, holding_car, limited_car))
+        fastest, holding, limited = (fastest_speeds(line, car) for car in (point_mass, holding_car, limited_car))
         actual = driven.speed_at(len(fastest))
-        bound, holding_bound, guarded_bound = (lap_time(line, speeds) for speeds in (fastest, holding, guarded))
+        bound, holding_bound, limited_bound = (lap_time(line, speeds) for speeds in (fastest, holding, limited))
         row |= {
             "first_lap_s": own.lap_times_s[0], "best_lap_s": best, "line_m": line.length,
             "friction_use_mean": float(np.nanmean(uses[own.column("lap") == lap])), "gap_mm": 1e3 * driven.gap,
             "bound_s": bound, "ratio": best / bound, "holding_bound_s": holding_bound,
-            "holding_ratio": best / holding_bound, "guarded_bound_s": guarded_bound,
-            "guarded_ratio": best / guarded_bound, "reason": "",
+            "holding_ratio": best / holding_bound, "limited_bound_s": limited_bound,
+            "limited_ratio": best / limited_bound, "reason": "",
         }  # fmt: skip
         for cause, seconds in _lost(line, actual, fastest, point_mass).items():
             row[f"lost_{cause}_s"] = seconds
         tables: Tables = {"laps": [row], "tolerance": tolerances}
         if cell["speeds"]:
-            tables["speeds"] = _speed_rows(track, controller, line, actual, fastest, holding, guarded)
+            tables["speeds"] = _speed_rows(track, controller, line, actual, fastest, holding, limited)
         return tables
 
     def section(self, tables: Tables) -> Section:
@@ -171,7 +171,7 @@ class LapsExperiment:
         sentences.append(_on_tolerance(tables["tolerance"]))
         shown = (
             "track", "controller", "laps", "end_reason", "best_lap_s", "bound_s", "ratio", "holding_ratio",
-            "guarded_ratio", "max_slide_m_s", "friction_use_mean", *(f"lost_{cause}_s" for cause in _CAUSES),
+            "limited_ratio", "max_slide_m_s", "friction_use_mean", *(f"lost_{cause}_s" for cause in _CAUSES),
         )  # fmt: skip
         return Section(
             sentences=tuple(sentences),
@@ -224,11 +224,11 @@ def _speed_rows(track: str, controller: str, line: Line, *speeds: FloatArray) ->
 
 def _parts(rows: list[Row]) -> str:
     """Say what each step from the bound to the lap costs on average: what no limiter can use, the limiter, rest."""
-    bound, holding, guarded, driven = (
-        column(rows, name) for name in ("bound_s", "holding_bound_s", "guarded_bound_s", "best_lap_s")
+    bound, holding, limited, driven = (
+        column(rows, name) for name in ("bound_s", "holding_bound_s", "limited_bound_s", "best_lap_s")
     )
     steps = [100.0 * float(np.nanmean(after / before) - 1.0)
-             for before, after in ((bound, holding), (holding, guarded), (guarded, driven))]  # fmt: skip
+             for before, after in ((bound, holding), (holding, limited), (limited, driven))]  # fmt: skip
     return (
         f"In the mean {steps[0]:.1f} % are lost because loads move and differentials are open, {steps[1]:.1f} % are "
         f"due to the shares of the grip that the friction limiter keeps, and {steps[2]:.1f} % to view and transients."
@@ -284,7 +284,7 @@ def _draw_ratios(figure: matplotlib.figure.Figure, laps: list[Row]) -> None:
             continue
         at = np.array([tracks.index(str(row["track"])) for row in rows]) + 0.18 * (2 * index - 1)
         measured(axes, column(rows, "ratio"), at, name, colour=COLOURS[index])
-        measured(axes, column(rows, "guarded_ratio"), at, f"{name}, over\nthe limiter's shares", colour=COLOURS[index],
+        measured(axes, column(rows, "limited_ratio"), at, f"{name}, over\nthe limiter's shares", colour=COLOURS[index],
                  markerfacecolor="white")  # fmt: skip
     axes.axvline(GREATEST_RATIO, color="0.25", linewidth=0.8, linestyle=(0, (4, 2)), zorder=1.5)
     axes.set_yticks(range(len(tracks)), tracks)

@@ -1,12 +1,12 @@
 """Four ways to use the friction law: from a reference steering angle and speed to a command.
 
-    hold = LAWS["guard"](car, mu=0.7)
+    hold = LAWS["limiter"](car, mu=0.7)
     command = hold(steering_angle, speed, odometry)
 
 none       the reference as it is
 one way    limits the speed by the reference steering angle: v <= sqrt(g mu b / tan|d|)
 both ways  also limits the steering angle by the present speed: |d| <= atan(g mu b / v^2)
-guard      the whole friction limiter, controllers/safety/friction_limiter.py
+limiter    the whole friction limiter, controllers/safety/friction_limiter.py
 
 The last three use the friction limiter's share of the tires' friction. They differ only in how they use the law.
 """
@@ -62,6 +62,6 @@ LAWS: dict[str, Callable[[CarParameters, float], Law]] = {
     "none": _none,
     "one way": _one_way,
     "both ways": _both_ways,
-    "guard": _limiter,
+    "limiter": _limiter,
 }
 """By name: makes a law for a car and the friction coefficient that it assumes."""

@@ -51,7 +51,7 @@ def held_share(car: CarParameters, speed: float = 0.0, slope: float = math.inf) 
 def stopping_distance(speed: float, mu: float, car: CarParameters, how: str, slope: float = math.inf) -> float:
     """Return the closed form of a stop [m].
 
-    held: mu g. full: twice the rear axle's friction. guard: the friction limiter's braking, the mean over each
+    held: mu g. full: twice the rear axle's friction. limiter: the friction limiter's braking, the mean over each
     tick, of which tires that slip leave less (`held_share`, at two thirds of the speed: the mean over the way). It
     grows over the load's transfer time, of which one tick is there at once.
 
@@ -59,7 +59,7 @@ def stopping_distance(speed: float, mu: float, car: CarParameters, how: str, slo
       speed: at its beginning [m/s].
       mu: friction coefficient [-].
       car: parameters.
-      how: "held", "full" or "guard".
+      how: "held", "full" or "limiter".
       slope: of `held_share`.
     """
     if how == "held":

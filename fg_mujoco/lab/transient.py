@@ -3,7 +3,7 @@
 A car comes straight ahead at k times the law's speed. The reference keeps this speed through a manoeuvre whose sharpest
 bend is what the law allows at k = 1. The servo turns at its real rate. Used one way only, the law slows the car for a
 bend that it is already in, because steering turns faster than the car slows. Used both ways, the steering waits for the
-speed. The friction limiter ("guard") also holds braking and turning in within what cornering leaves.
+speed. The friction limiter ("limiter") also holds braking and turning in within what cornering leaves.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ def _greatest(rows: list[Row], name: str) -> float:
 
 
 def _sentences(tires: str, runs: list[Row]) -> tuple[str, ...]:
-    limited, both, one = (_under(runs, law) for law in ("guard", "both ways", "one way"))
+    limited, both, one = (_under(runs, law) for law in ("limiter", "both ways", "one way"))
     longest = 100.0 * _greatest(limited, "sliding_share")
     fastest = _greatest(limited, "greatest_slide_m_s")
     if longest == 0.0:
@@ -218,7 +218,7 @@ def _lost(rows: list[Row]) -> str:
 
 
 def _expected(tires: str, runs: list[Row]) -> tuple[tuple[str, str, str], ...]:
-    asked_of = {"guard": f"none, below {slides_above(tires)} m/s", "both ways": "-", "one way": "slides"}
+    asked_of = {"limiter": f"none, below {slides_above(tires)} m/s", "both ways": "-", "one way": "slides"}
     return tuple(
         (
             f"{tires}, {law}: longest share of time sliding, greatest slide",

@@ -99,7 +99,7 @@ def test_a_race_has_the_same_bits_as_when_all_walls_are_searched(tires):
 
 
 def test_a_wrong_map_of_distances_would_miss_the_crash():
-    """The guard of the tests above: were everything clear, the car would drive through the wall."""
+    """A check of the tests above: were everything clear, the car would drive through the wall."""
     world = fg.World("oval")
     world.distances = np.full((1, 1), REACH), np.zeros(2)
     engine = Engine(world)

@@ -9,7 +9,7 @@ import pytest
 from cases import each
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
-from fg_mujoco.controllers.perception.scan_geometry import beams_between, scan_record
+from fg_mujoco.controllers.perception.scan_geometry import beams_between, geometry_record
 from fg_mujoco.controllers.safety.braking_trajectories import BrakingTrajectories
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
@@ -83,7 +83,7 @@ def test_without_the_friction_law_the_wheels_turn_as_sharply_as_possible():
 
 def test_the_beams_between_two_bearings_are_those_within():
     scan = scan_of(np.ones(1081))
-    record, bearings = scan_record(scan)[0], scan.bearings
+    record, bearings = geometry_record(scan)[0], scan.bearings
     for right, left in ((-0.5, 0.5), (-3.0, 3.0), (0.0, 0.0), (2.5, 3.0), (-math.pi / 2, math.pi / 2), (1.0, -1.0)):
         first, end = beams_between(record, 1081, right, left)
         inside = np.flatnonzero((bearings >= right - 1e-9) & (bearings <= left + 1e-9))

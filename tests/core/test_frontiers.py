@@ -33,36 +33,38 @@ def hairpin(pocket=0.0):
 def ahead(driven, distance, aside=0.0):
     """The way to go from a place ahead of the rear axle and to its left [m]."""
     cos, sin = math.cos(driven.heading), math.sin(driven.heading)
-    return driven.to_go(driven.x + distance * cos - aside * sin, driven.y + distance * sin + aside * cos)
+    return driven.distance_to_goal(driven.x + distance * cos - aside * sin, driven.y + distance * sin + aside * cos)
 
 
 def goal(driven):
     """The middle of the frontier."""
-    return float(driven.way["x"]), float(driven.way["y"])
+    return float(driven.frontier["x"]), float(driven.frontier["y"])
 
 
 def test_in_a_corridor_it_is_ahead_and_nearer_by_what_is_driven():
     driven = Driven(STRAIGHT)
-    assert driven.way["found"] and not driven.way["hidden"]
+    assert driven.frontier["found"] and not driven.frontier["hidden"]
     x, y = goal(driven)
     assert x > 7.0 and abs(y) < 0.3
     places = np.arange(0.85, 6.0, 0.5)
-    to_go = np.array([driven.to_go(place, 0.0) for place in places])
-    np.testing.assert_allclose(np.diff(to_go), -0.5, atol=0.011)
+    distance_to_goal = np.array([driven.distance_to_goal(place, 0.0) for place in places])
+    np.testing.assert_allclose(np.diff(distance_to_goal), -0.5, atol=0.011)
     for _ in range(10):
         before, middle = ahead(driven, 1.0), goal(driven)[0]
         driven.go(0.5)
         assert goal(driven)[0] - middle == pytest.approx(0.5, abs=0.25)
-        assert driven.to_go(driven.x + 0.5, 0.0) == pytest.approx(before + goal(driven)[0] - middle, abs=0.25)
-        assert driven.to_go(driven.x + 3.0, 0.0) < driven.to_go(driven.x + 0.5, 0.0) - 2.4
+        assert driven.distance_to_goal(driven.x + 0.5, 0.0) == pytest.approx(
+            before + goal(driven)[0] - middle, abs=0.25
+        )
+        assert driven.distance_to_goal(driven.x + 3.0, 0.0) < driven.distance_to_goal(driven.x + 0.5, 0.0) - 2.4
 
 
 def test_the_way_back_is_closed():
     driven = Driven(STRAIGHT)
     driven.go(8.0)
-    free_behind = [x for x in np.arange(1.0, 7.3, 0.2) if driven.way["map"]["cells"][cell(x, 0.0)] == FREE]
+    free_behind = [x for x in np.arange(1.0, 7.3, 0.2) if driven.frontier["map"]["cells"][cell(x, 0.0)] == FREE]
     assert len(free_behind) > 20
-    assert all(driven.to_go(x, y) == math.inf for x in free_behind for y in (-0.5, 0.0, 0.5))
+    assert all(driven.distance_to_goal(x, y) == math.inf for x in free_behind for y in (-0.5, 0.0, 0.5))
     assert ahead(driven, 0.5) < math.inf
 
 
@@ -72,8 +74,8 @@ def test_at_a_junction_it_is_not_the_branch_that_is_seen_to_its_end(open_side):
     driven = Driven(junction(*ends))
     driven.go(4.0)
     driven.go(1.0)
-    assert driven.way["found"] and open_side * goal(driven)[1] > 2.0
-    at_open, at_closed = driven.to_go(5.5, 2.0 * open_side), driven.to_go(5.5, -2.0 * open_side)
+    assert driven.frontier["found"] and open_side * goal(driven)[1] > 2.0
+    at_open, at_closed = driven.distance_to_goal(5.5, 2.0 * open_side), driven.distance_to_goal(5.5, -2.0 * open_side)
     assert at_open < ahead(driven, 0.5) < at_closed
 
 
@@ -81,10 +83,10 @@ def test_at_a_junction_it_is_not_the_branch_that_is_seen_to_its_end(open_side):
 def test_in_a_hairpin_it_is_beside_the_barriers_end_and_not_in_the_pocket(pocket):
     driven = Driven(hairpin(pocket))
     driven.go(4.5)
-    assert driven.way["found"] and driven.way["hidden"]
+    assert driven.frontier["found"] and driven.frontier["hidden"]
     x, y = goal(driven)
     assert y > 0.8 and 5.0 < x < 7.8
-    gap, deep = driven.to_go(6.6, 0.9), driven.to_go(7.3 + pocket, 0.1)
+    gap, deep = driven.distance_to_goal(6.6, 0.9), driven.distance_to_goal(7.3 + pocket, 0.1)
     assert gap < ahead(driven, 0.5) and gap < deep
     driven.go(1.5)
     driven.go(1.2, 1.2)
@@ -99,8 +101,8 @@ def test_the_shadow_of_a_box_is_no_frontier_and_the_ground_behind_a_wall_is():
     half = Driven(np.concatenate((hall, lines(box(4.6, -3.0, 4.65, 0.5)))))
     for driven in (closed, half):
         driven.go(2.2)
-    assert not closed.way["found"]
-    assert half.way["found"]
+    assert not closed.frontier["found"]
+    assert half.frontier["found"]
     x, y = goal(half)
     assert x > 4.7 and y < 1.0
 
@@ -130,7 +132,7 @@ def slow_distances(way):
             costs[place] = (factor, 2 if reaches(place, small) else 1)
         return costs[place]
 
-    goals = [place for place, ring in index.items() if way["to_go"][ring] == 0]
+    goals = [place for place, ring in index.items() if way["distance_to_goal"][ring] == 0]
     best = dict.fromkeys(goals, 0)
     heap = [(0, place) for place in goals]
     while heap:
@@ -161,7 +163,7 @@ def slow_distances(way):
 def test_the_way_to_go_is_that_of_a_slow_search_with_a_heap(walls, distance):
     driven = Driven(walls)
     driven.go(distance)
-    assert driven.way["found"]
-    expected = slow_distances(driven.way)
+    assert driven.frontier["found"]
+    expected = slow_distances(driven.frontier)
     assert (expected != FAR).sum() > 500
-    np.testing.assert_array_equal(driven.way["to_go"], expected)
+    np.testing.assert_array_equal(driven.frontier["distance_to_goal"], expected)

@@ -164,7 +164,7 @@ def test_the_points_in_a_bubble_are_those_near_the_nearest_in_the_plane(ranges, 
 def test_each_point_is_what_it_says(chosen, place):
     #                0    1    2    3    4    5    6    7    8
     free = np.array([0.0, 3.0, 2.8, 2.7, 1.0, 2.0, 2.9, 1.0, 1.0])
-    assert follow_the_gap.best_place(free, *longest_run(free), row(FollowTheGap, **chosen)) == place
+    assert follow_the_gap.best_position(free, *longest_run(free), row(FollowTheGap, **chosen)) == place
 
 
 # -- threshold gap
@@ -321,7 +321,7 @@ def scan_beside(distance, first=97.0, last=110.0):
 
 
 def wished_steering(scan):
-    """The steering angle [rad] of the command, with no guard between the planner and it."""
+    """The steering angle [rad] of the command, with no friction limiter between the planner and it."""
     free = planner(DisparityExtender, math.inf)
     free.reset()
     return free(scan, odometry_of(1.0)).steering_angle

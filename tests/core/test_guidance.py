@@ -8,7 +8,7 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
-from fg_mujoco.controllers.perception.scan_geometry import scan_record
+from fg_mujoco.controllers.perception.scan_geometry import geometry_record
 from fg_mujoco.controllers.safety.guidance import GuidanceSettings, _speed_to_stop
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
@@ -59,7 +59,7 @@ def test_the_place_is_kept_in_ticks_in_which_nothing_is_seen(blind):
     for scan in (corridor(1.0, 1.0, 20.0), blind):
         for _ in range(20):
             planner(scan, odometry_of(2.0))
-    world = planner._alone._driven[0]["memory"]["guidance"]["way"]["map"]
+    world = planner._alone._ticks[0]["memory"]["guidance"]["frontier"]["map"]
     assert world["x"] == pytest.approx(39 * 2.0 * 0.025)  # the first tick has nothing to come from
 
 
@@ -71,7 +71,7 @@ def test_without_a_frontier_the_speed_is_that_from_which_the_car_stops_ahead_of_
     own = for_car(GuidanceSettings(), CAR)
     room = max(ahead - (CAR.length - CAR.rear_overhang - CAR.lidar_offset) - own.stop_margin, 0.0)
     expected = math.sqrt(2.0 * own.profile_braking * limiter["braking"] * room)
-    scan_row, limiter, settings = (np.rec.array(row)[()] for row in (scan_record(scan)[0], limiter, settings))
+    scan_row, limiter, settings = (np.rec.array(row)[()] for row in (geometry_record(scan)[0], limiter, settings))
     assert _speed_to_stop(scan_row, scan.ranges, limiter, settings) == pytest.approx(expected, rel=1e-3)
 
 

@@ -20,16 +20,16 @@ def stops(tires, mu, speed):
     return {row["how"]: row for row in rows}
 
 
-# Measured: held .997 and .999 of v^2/(2 mu g); at full brake 1.001 and .978 of the closed form; guarded 1.000.
+# Measured: held .997 and .999 of v^2/(2 mu g); at full brake 1.001 and .978 of the closed form; limited 1.000.
 @each("tires", LAW_TIRES)
 @each(("mu", "speed"), [(1.0489, 8.0), (0.6, 8.0)])
 def test_stops_are_as_long_as_the_closed_forms(mu, speed, tires):
     rows = stops(tires, mu, speed)
     assert rows["held"]["distance_m"] == pytest.approx(speed**2 / (2 * mu * 9.81), rel=0.01)
     assert rows["full"]["distance_m"] == pytest.approx(rows["full"]["closed_form_m"], rel=0.035)
-    assert rows["guard"]["distance_m"] == pytest.approx(rows["guard"]["closed_form_m"], rel=0.005)
-    assert rows["guard"]["slide_m_s"] < 0.1 * slides_above(tires)
-    assert rows["held"]["distance_m"] < rows["full"]["distance_m"] < rows["guard"]["distance_m"]
+    assert rows["limiter"]["distance_m"] == pytest.approx(rows["limiter"]["closed_form_m"], rel=0.005)
+    assert rows["limiter"]["slide_m_s"] < 0.1 * slides_above(tires)
+    assert rows["held"]["distance_m"] < rows["full"]["distance_m"] < rows["limiter"]["distance_m"]
 
 
 @each("tires", LAW_TIRES)
@@ -76,7 +76,7 @@ def test_tires_stay_in_their_circle_and_the_guard_in_what_holds(mu, share, tires
         assert row["reason"] == ""
         # reached, and not passed; on bristles forces and loads are means over short steps
         assert 1.0 - (1e-6 if tires == "contact" else 1e-4) < row["greatest_use"] < 1.0 + 1e-6
-        assert abs(row["guard_share"]) < 0.95 * abs(row["longitudinal_share"])  # measured: .90 at the nearest
+        assert abs(row["limiter_share"]) < 0.95 * abs(row["longitudinal_share"])  # measured: .90 at the nearest
         assert row["use_of_car"] < 1.02
     car = np.array([(row["along_g"], row["across_g"]) for row in tables["gg"]])
     assert np.hypot(*car.T).max() < 1.05 * mu  # loads bounce when tires slide

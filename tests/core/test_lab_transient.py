@@ -1,4 +1,4 @@
-"""Transients: the guard keeps tires from sliding where the law read one way does not; what a trace tells is true."""
+"""Transients: the friction limiter keeps tires from sliding where the law read one way does not; traces agree."""
 
 import numpy as np
 import pytest
@@ -19,12 +19,12 @@ def greatest_slide(manoeuvre, mu, k, law, tires="coulomb"):
     return np.nanmax(trace.slip.sliding_speed)
 
 
-# Measured, guarded: .042 m/s at most on contacts, which is what they creep while they hold.
+# Measured, limited: .042 m/s at most on contacts, which is what they creep while they hold.
 @each("tires", LAW_TIRES)
 @each("manoeuvre", MANOEUVRES)
 @each(("mu", "k"), [(1.0489, 1.1), (0.6, 1.5)])
-def test_guarded_car_does_not_slide(manoeuvre, mu, k, tires):
-    assert greatest_slide(manoeuvre, mu, k, "guard", tires) < slides_above(tires)
+def test_a_limited_car_does_not_slide(manoeuvre, mu, k, tires):
+    assert greatest_slide(manoeuvre, mu, k, "limiter", tires) < slides_above(tires)
 
 
 # Measured: .72, 2.0 and 1.7 m/s for the step, the ramp and the sine, .87 for the slalom, 5.3 for the lane change.
@@ -67,7 +67,7 @@ def test_laws_leave_what_holds_and_limit_what_does_not():
     odometry = ground.car.odometry(ground.data)
     for name, make in LAWS.items():
         hold = make(car, 1.0489)
-        if name != "guard":
+        if name != "limiter":
             assert hold(0.1, slow, odometry) == DriveCommand(steering_angle=0.1, speed=slow)
         assert (hold(0.4, fast, odometry).speed < 3.1) == (name != "none")
-        assert (hold(0.4, fast, odometry).steering_angle < 0.36) == (name in ("both ways", "guard"))
+        assert (hold(0.4, fast, odometry).steering_angle < 0.36) == (name in ("both ways", "limiter"))

@@ -1,4 +1,4 @@
-"""The lap map and the known line, in a ring that is driven with odometry that drifts; against geometry."""
+"""The lap map and the lap raceline, in a ring that is driven with odometry that drifts; against geometry."""
 
 import math
 
@@ -12,13 +12,13 @@ from fg_mujoco.controllers.control.driving import REFERENCE
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
 from fg_mujoco.controllers.perception.lap_map import see_lap
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
-from fg_mujoco.controllers.safety.known_line import (
+from fg_mujoco.controllers.safety.lap_raceline import (
     DEMAND,
     RADIUS,
     REMEMBERED,
     follow_line,
     free_on,
-    place_on,
+    position_on,
     shape_line,
     speed_on,
 )
@@ -130,7 +130,7 @@ def test_the_car_brakes_for_a_corner_as_late_as_the_limiter_can():
 
 
 def circle(radius, count):
-    """Points of a circle round (0, radius), counterclockwise from the bottom, as a known line has them."""
+    """Points of a circle round (0, radius), counterclockwise from the bottom, as a lap raceline has them."""
     angles = 2.0 * math.pi * np.arange(count) / count
     points = np.zeros((count, 6))
     points[:, X], points[:, Y] = radius * np.sin(angles), radius - radius * np.cos(angles)
@@ -144,7 +144,7 @@ def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     points, spacing = circle(3.0, 75)
     angle = (3 + share) * spacing / 3.0
     x, y = 2.9 * math.sin(angle), 3.0 - 2.9 * math.cos(angle)  # to the left of the line is towards the middle
-    along, aside, turned = place_on(points, 4, spacing, x, y, angle + 0.05)
+    along, aside, turned = position_on(points, 4, spacing, x, y, angle + 0.05)
     assert along == pytest.approx(3 + share, abs=0.04)
     assert turned == pytest.approx(0.05, abs=0.005)
     assert aside == pytest.approx(0.1, abs=5e-4)

@@ -45,16 +45,16 @@ def world(walls, goal):
     way["map"]["cells"][INDEX] = np.where(walls, WALL, FREE)
     at, near = grown(walls, offsets(1, 0)), grown(walls, offsets(2, 1))
     way["blocked"][INDEX] = at * AT_WALL | near * NEAR_WALL
-    way["to_go"][:] = FAR
-    to_go = np.full(X.shape, FAR)
+    way["distance_to_goal"][:] = FAR
+    distance_to_goal = np.full(X.shape, FAR)
     front = np.hypot(X - goal[0], Y - goal[1]) < 0.15
     length = 0
     while front.any():
-        to_go[front] = length
+        distance_to_goal[front] = length
         length += int(100 * CELL)
-        front = grown(front, offsets(1, 0)) & (to_go == FAR) & ~at
+        front = grown(front, offsets(1, 0)) & (distance_to_goal == FAR) & ~at
         front[[0, -1], :] = front[:, [0, -1]] = False
-    way["to_go"][INDEX] = to_go
+    way["distance_to_goal"][INDEX] = distance_to_goal
     return way
 
 

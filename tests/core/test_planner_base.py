@@ -42,7 +42,7 @@ class Patient(Planner):
 
     @staticmethod
     @kernel
-    def reference(scan, ranges, odometry, car, settings, memory, line):
+    def reference(geometry, ranges, odometry, car, settings, memory, line):
         speed = settings.pace if memory.ticks >= settings.patience else 0.0
         if settings.backwards:
             speed = -speed
@@ -56,12 +56,12 @@ class Leftmost(GoalPlanner):
     Settings = DrivingSettings
 
     @staticmethod
-    def goal(scan, ranges, car, settings, shown):
-        shown.filtered[:] = 1.0
-        shown.gap[:] = np.nan
-        shown.gap[::2] = ranges[::2]
+    def goal(geometry, ranges, car, settings, debug):
+        debug.filtered[:] = 1.0
+        debug.gap[:] = np.nan
+        debug.gap[::2] = ranges[::2]
         last = len(ranges) - 1
-        return scan.angle_min + scan.angle_increment * last, ranges[last]
+        return geometry.angle_min + geometry.angle_increment * last, ranges[last]
 
 
 def speeds(planner, ticks):
@@ -122,7 +122,7 @@ def test_the_mean_range_of_the_speed_law_is_that_of_the_filtered_scan():
 
 
 def test_a_kernel_with_other_arguments_is_refused_when_its_class_is_made():
-    with pytest.raises(ControllerError, match=r"Wrong\.goal takes \(scan, ranges\); accepted: \(scan, ranges, car, "):
+    with pytest.raises(ControllerError, match=r"Wrong\.goal takes \(scan, ranges\); accepted: \(geometry, ranges, "):
 
         class Wrong(GoalPlanner):
             Settings = DrivingSettings
@@ -166,20 +166,22 @@ def test_a_setting_that_is_given_is_taken_as_it_is():
 
 
 @kernel
-def creep(scan, valid, guiding, clear, driven, lines, trajectories, own, command):
-    own.ticks += 1
+def creep(
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
+):
+    stage_state.ticks += 1
     command[1] = min(command[1], 0.5)
 
 
 def test_a_registered_stage_changes_the_command_and_keeps_its_memory_until_a_reset(monkeypatch):
-    stage = Stage(after_driving=creep, own=np.dtype([("ticks", np.int64)]))
+    stage = Stage(after_driving=creep, state_type=np.dtype([("ticks", np.int64)]))
     monkeypatch.setitem(STAGES._own, "creep", stage)
     planner = GapFinder(CAR, MU, assist="full+creep")
     for ticks in (1, 2):
         assert planner(corridor(2.0, 2.0), odometry_of(3.0)).speed == 0.5
-        assert planner.kept("creep")["ticks"] == ticks
+        assert planner.stage_state("creep")["ticks"] == ticks
     planner.reset()
-    assert planner.kept("creep")["ticks"] == 0
+    assert planner.stage_state("creep")["ticks"] == 0
     assert GapFinder(CAR, MU)(corridor(2.0, 2.0), odometry_of(3.0)).speed > 2.5
 
 
@@ -208,6 +210,6 @@ def test_without_a_friction_limit_the_laws_of_the_scan_are_left_and_nothing_else
 
 def test_what_a_stage_keeps_is_kept_for_the_planners_that_have_it():
     plain, remembers = GapFinder(CAR, MU, assist="safe"), GapFinder(CAR, MU)
-    assert len(PlannerBatch(GapFinder, [remembers, plain]).kept["remember"]) == 2
+    assert len(PlannerBatch(GapFinder, [remembers, plain]).stage_states["remember"]) == 2
     with pytest.raises(KeyError):
-        plain.kept("remember")
+        plain.stage_state("remember")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cases import each
-from fg_mujoco.controllers.perception.scan_geometry import nearest_place
+from fg_mujoco.controllers.perception.scan_geometry import nearest_beam
 
 
 @each("increment", [math.radians(0.25), 0.01, 1e-6])
@@ -17,11 +17,11 @@ def test_the_beam_towards_a_point_is_that_of_its_arctangent_to_the_bit(increment
     for bearing in np.concatenate((bearings, halfway, np.pi / 2 * np.arange(-2, 3))):
         ahead, left = 3.0 * math.cos(bearing), 3.0 * math.sin(bearing)
         place = np.rint((math.atan2(left, ahead) - least) / increment)
-        assert nearest_place(least, increment, ahead, left) == place
+        assert nearest_beam(least, increment, ahead, left) == place
 
 
 @each("point", [(0.0, 0.0), (-1.0, 0.0), (-1.0, -0.0), (0.0, 1.0), (0.0, -1.0)])
 def test_the_beam_towards_a_point_on_an_axis_is_that_of_its_arctangent(point):
     ahead, left = point
     expected = np.rint((math.atan2(left, ahead) + 2.0) / 0.01)
-    assert nearest_place(-2.0, 0.01, ahead, left) == expected
+    assert nearest_beam(-2.0, 0.01, ahead, left) == expected

@@ -7,7 +7,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.controllers.control.holding import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
+from fg_mujoco.controllers.control.actuation import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
 from fg_mujoco.controllers.control.planner_settings import CAR, record_values
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle

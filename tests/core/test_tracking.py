@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
+from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_point, steer_along
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -37,7 +37,7 @@ def follow(points, speed, beside=0.0, heading=0.0, step=0.005, tick=0.025, late=
     command = 0.0
     for number in range(10000):
         if number % round(tick / step) == 0:
-            place = next_place(points, place, x, y, heading)
+            place = next_point(points, place, x, y, heading)
             if place + 1 >= len(points):
                 return np.array(off)
             command = steer_along(points, place, x, y, heading, speed, CAR.wheelbase, late, told)
@@ -97,5 +97,5 @@ def test_whole_turns_between_the_headings_are_no_error(turns):
 
 def test_the_next_place_is_ahead_of_the_car_and_at_last_the_last():
     points = motion((5, 0.0))
-    assert [next_place(points, 0, x, 0.0, 0.0) for x in (-1.0, 0.29, 0.31, 1.4, 9.0)] == [0, 0, 1, 4, 4]
+    assert [next_point(points, 0, x, 0.0, 0.0) for x in (-1.0, 0.29, 0.31, 1.4, 9.0)] == [0, 0, 1, 4, 4]
     assert points[:, [X, Y, HEADING, CURVATURE]].shape == (5, 4)

@@ -78,7 +78,7 @@ def planner_that(fails):
     """A class of planners that fail after 0.1 s: those with a pursuit distance of more than 2 m."""
 
     @kernel
-    def reference(scan, ranges, odometry, car, settings, memory, line):
+    def reference(geometry, ranges, odometry, car, settings, memory, line):
         if odometry.stamp > 0.09 and settings.pursuit_distance > 2.0:
             if fails:
                 raise ValueError("late", odometry.stamp)

@@ -7,7 +7,7 @@ import numpy as np
 
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH, search_frontier
 from fg_mujoco.controllers.perception.local_map import CELL, RING, SIZE
-from fg_mujoco.controllers.perception.scan_geometry import SCAN
+from fg_mujoco.controllers.perception.scan_geometry import SCAN_GEOMETRY
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR, INCREMENT
 
@@ -15,7 +15,7 @@ PERIOD = 0.025
 BEAMS = 1081
 FIRST = -0.5 * (BEAMS - 1) * INCREMENT
 BEARINGS = FIRST + INCREMENT * np.arange(BEAMS)
-GEOMETRY = np.array([(FIRST, INCREMENT, 30.0, PERIOD)], SCAN)[0]
+GEOMETRY = np.array([(FIRST, INCREMENT, 30.0, PERIOD)], SCAN_GEOMETRY)[0]
 
 
 def lines(*polylines):
@@ -62,7 +62,7 @@ class Driven:
 
     def __init__(self, walls, every=1):
         self.walls, self.every = walls, every
-        self.way = np.zeros(1, FRONTIER_SEARCH)[0]
+        self.frontier = np.zeros(1, FRONTIER_SEARCH)[0]
         self.x = self.y = self.heading = 0.0
         self.look(0.0, 0.0)
 
@@ -71,7 +71,7 @@ class Driven:
         odometry["speed"] = speed
         odometry["angular_velocity"][2] = yaw_rate
         every = self.every
-        search_frontier(GEOMETRY, self.ranges(), odometry, CAR.lidar_offset, self.way, every, every, False)
+        search_frontier(GEOMETRY, self.ranges(), odometry, CAR.lidar_offset, self.frontier, every, every, False)
 
     def lidar(self):
         offset = CAR.lidar_offset
@@ -91,7 +91,7 @@ class Driven:
             self.heading += turn
             self.look(step / PERIOD, turn / PERIOD)
 
-    def to_go(self, x, y):
+    def distance_to_goal(self, x, y):
         """The way to go from a place [m], inf where it is not known."""
-        cells = self.way["to_go"][cell(x, y)]
+        cells = self.frontier["distance_to_goal"][cell(x, y)]
         return math.inf if cells == 65535 else cells * 0.01

@@ -5,14 +5,14 @@ import math
 import numpy as np
 
 from drawn_worlds import seen_from
-from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
+from fg_mujoco.controllers.perception.scan_geometry import SCAN_GEOMETRY, geometry_values
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR, INCREMENT, odometry_of, scan_of
 
 PERIOD = 0.025
 BEARINGS = INCREMENT * (np.arange(1081) - 540)
-GEOMETRY = np.array([scan_values(scan_of(np.ones(1081)))], SCAN)[0]
+GEOMETRY = np.array([geometry_values(scan_of(np.ones(1081)))], SCAN_GEOMETRY)[0]
 WALLS = (((-20.0, 1.4), (40.0, 1.4)), ((-20.0, -1.4), (40.0, -1.4)), ((40.0, -1.4), (40.0, 1.4)))
 
 

@@ -268,10 +268,12 @@ def _too_narrow(course: Track, needed: float, margin: float, width: float, place
     )
 
 
-def _require_clear(course: Track, points: FloatArray, clear: FloatArray, car: CarParameters, margin: float) -> None:
+def _require_clear(
+    course: Track, points: FloatArray, ranges_without_movers: FloatArray, car: CarParameters, margin: float
+) -> None:
     """Raise TrackError for a line on which the car touches something."""
-    worst = int(clear.argmin())
-    if clear[worst] < min(_TOUCHES, 0.5 * margin):
+    worst = int(ranges_without_movers.argmin())
+    if ranges_without_movers[worst] < min(_TOUCHES, 0.5 * margin):
         x, y = points[worst].tolist()
         raise TrackError(
             f"track {course.name!r}: a car of {car.length:.2f} x {car.width:.2f} m touches a wall on the line at "

@@ -137,7 +137,7 @@ def test_the_planner_starts_slippery_whatever_it_is_told():
     for learns, expected in ((True, 0.4), (False, MU)):
         planner = GapFinder(CAR, MU, 8.0, assist="full+learn" if learns else "full")
         planner(corridor(1.0, 1.0), odometry_of(3.0))
-        found = planner._alone._driven["driver"][0]["limiter"]
+        found = planner._alone._ticks["driver"][0]["limiter"]
         assert found["mu"] == pytest.approx(expected)
         assert found["lateral"] == pytest.approx(0.95 * expected * CAR.gravity)
 

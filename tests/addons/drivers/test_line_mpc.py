@@ -142,7 +142,7 @@ def test_the_single_track_model_is_the_exponential_of_its_equations(speed):
 
 
 def plan_of(planner):
-    return planner.kept("mpc")
+    return planner.stage_state("mpc")
 
 
 @each("offset", [0.3, -0.3])

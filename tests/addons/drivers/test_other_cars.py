@@ -12,7 +12,7 @@ from cases import each
 from fg_mujoco.addons.drivers.other_cars import OTHER_CARS, TOLD, find_boxes, follow_told, read_told, watch_cars
 from fg_mujoco.addons.drivers.overtaker import Overtaker
 from fg_mujoco.controllers.perception.scan_filters import noise_of
-from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
+from fg_mujoco.controllers.perception.scan_geometry import SCAN_GEOMETRY, geometry_values
 from fg_mujoco.messages import Reading, columns_of_others
 from moving_worlds import box, odometry_row, ranges_of
 from scan_worlds import CAR, MU, corridor, scan_of
@@ -38,7 +38,7 @@ def record(kind, values):
 
 
 CAR_ROW = Overtaker(CAR, MU).driver[0]["car"]
-SCAN_ROW = record(SCAN, scan_values(WALLS))
+SCAN_ROW = record(SCAN_GEOMETRY, geometry_values(WALLS))
 
 
 def watched(place, speed, ticks, own_speed, noise=0.0):

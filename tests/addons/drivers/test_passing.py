@@ -25,7 +25,7 @@ from fg_mujoco.addons.drivers.corridor import (
 from fg_mujoco.addons.drivers.overtaker import Overtaker
 from fg_mujoco.addons.drivers.passing import DROPS_BACK, FOLLOWS, PASSES, RACING, choose, predict_cars, take_lane
 from fg_mujoco.controllers.control.driving import REFERENCE
-from fg_mujoco.controllers.perception.scan_geometry import scan_record
+from fg_mujoco.controllers.perception.scan_geometry import geometry_record
 from fg_mujoco.controllers.safety.predictions import CURVATURE, PREDICTIONS, meets
 from scan_worlds import CAR, MU, corridor
 
@@ -37,7 +37,7 @@ DRIVEN_CAR = DRIVER["car"]
 def points_of(left, right):
     scan = corridor(left, right)
     points = np.empty((MOST_POINTS, 2))
-    return points, ground_points(scan_record(scan)[0], np.array(scan.ranges), points)
+    return points, ground_points(geometry_record(scan)[0], np.array(scan.ranges), points)
 
 
 def ring(radius, half_width):
@@ -55,7 +55,7 @@ def decided(ahead, left, speed, width, own_side=0.0, before=FOLLOWS):
     car = memory["seen"]["cars"][0]
     car["age"], car["moves"], car["x"], car["y"], car["vx"] = 20, True, ahead, left, speed
     memory["passing"][0]["what"], memory["passing"][0]["side"] = before, 1
-    limit = choose(memory, scan_record(scan)[0], np.array(scan.ranges), DRIVEN_CAR, SETTINGS)
+    limit = choose(memory, geometry_record(scan)[0], np.array(scan.ranges), DRIVEN_CAR, SETTINGS)
     return memory, limit
 
 
@@ -113,7 +113,7 @@ def test_a_pass_is_given_up_after_five_seconds_if_the_car_does_not_come_beside_t
     scan = corridor(1.0, 1.0)
     done = []
     for _ in range(250):
-        choose(memory, scan_record(scan)[0], np.array(scan.ranges), DRIVEN_CAR, SETTINGS)
+        choose(memory, geometry_record(scan)[0], np.array(scan.ranges), DRIVEN_CAR, SETTINGS)
         done.append(memory["passing"][0]["what"])
     assert set(done[:195]) == {PASSES} and FOLLOWS in done[195:210]
 
@@ -123,12 +123,12 @@ def test_a_lane_leads_beside_the_other_car_as_far_as_there_is_room():
     to_wall = 1.0 - 0.5 * CAR.width - SETTINGS["beside_wall"]
     for other, left in ((-0.3, -0.3 + CAR.width + SETTINGS["aside"]), (0.0, to_wall)):
         take_lane(decided(1.5, other, 2.0, 2.0)[0], 3.0, DRIVER, SETTINGS, reference)
-        assert reference["places"] > 5 and reference["steering_angle"] > 0.0
-        assert reference["lane"][reference["places"] - 1, 1] == pytest.approx(left, abs=0.03)
+        assert reference["lane_points"] > 5 and reference["steering_angle"] > 0.0
+        assert reference["lane"][reference["lane_points"] - 1, 1] == pytest.approx(left, abs=0.03)
     assert not decided(1.5, 0.0, 2.0, 1.0)[0]["passing"][0]["what"]
-    reference["places"] = 0
+    reference["lane_points"] = 0
     take_lane(decided(1.5, 0.0, 2.0, 1.0)[0], 3.0, DRIVER, SETTINGS, reference)
-    assert reference["places"] == 0
+    assert reference["lane_points"] == 0
 
 
 def test_a_car_beside_is_predicted_as_large_as_it_is_and_one_behind_is_not():

@@ -1,4 +1,4 @@
-"""The last step to a command: the tires hold it, and the car reaches the speed that it says.
+"""The last step to a command: one that the tires can follow, and whose speed the car reaches.
 
 1. The friction limiter turns the reference into a command that the tires can follow (friction_limiter).
 2. The wheels are turned by the slip angles that soft tires need more (slip).
@@ -6,8 +6,8 @@
    the speed v + a tau, tau the time constant of the speed servo. Odometry that reads 5 % too much, as with worn tires,
    adds 0.05 v / tau that nobody asked for: 4 m/s^2 at 8 m/s. The error is measured while driving: in each tick the
    measured speed moves by the share 1 - exp(-period / tau) of the way to the command. Errors within 1 % are left alone,
-   because a car whose odometry is right measures as much. A car on a known line, which needs most of its braking, is
-   corrected for all of it.
+   because a car whose odometry is right measures as much. For a car on the remembered line, which needs most of its
+   braking, the whole error is corrected.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fg_mujoco.compiled.kernels import kernel
 from ..perception.scan_geometry import period_of
 from ..safety.friction_limiter import held_on_circle, limited
 from .planner_settings import Record
-from .reasons import GRIP, LOCK, TRANSIENTS, note
+from .reasons import GRIP, LOCK, TRANSIENTS, log_step
 from .reasons import SPEEDOMETER as BY_SPEEDOMETER
 from .slip import steered
 from .speed import share_of_way
@@ -91,8 +91,8 @@ def command_speed(
 
 
 @kernel
-def hold(
-    scan: Record,
+def apply_limits(
+    geometry: Record,
     odometry: Record,
     driver: Record,
     memory: Record,
@@ -101,13 +101,15 @@ def hold(
     least_use: float,
 ) -> tuple[float, float]:
     """Return the command nearest to a reference that the friction limiter allows."""
-    return hold_by(driver.limiter, scan, odometry, driver, memory, steering_angle, speed, least_use, LEFT_ALONE)
+    return apply_limits_of(
+        driver.limiter, geometry, odometry, driver, memory, steering_angle, speed, least_use, LEFT_ALONE
+    )
 
 
 @kernel
-def hold_by(
+def apply_limits_of(
     limiter: Record,
-    scan: Record,
+    geometry: Record,
     odometry: Record,
     driver: Record,
     memory: Record,
@@ -118,14 +120,14 @@ def hold_by(
 ) -> tuple[float, float]:
     """Return the command nearest to a reference that a friction limiter allows; `left_alone` as of `command_speed`."""
     angle, now = odometry.steering_angle, odometry.speed
-    period, reasons = period_of(scan), memory.reasons
-    note(reasons, LOCK, saturate(steering_angle, driver.car.max_steering_angle), speed)
+    period, reasons = period_of(geometry), memory.reasons
+    log_step(reasons, LOCK, saturate(steering_angle, driver.car.max_steering_angle), speed)
     target, allowed = held_on_circle(limiter, steering_angle, speed, abs(now), least_use)
-    note(reasons, GRIP, target, allowed)
+    log_step(reasons, GRIP, target, allowed)
     steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period, False)
-    note(reasons, TRANSIENTS, steering, speed)
-    if limiter.slip.soft:
+    log_step(reasons, TRANSIENTS, steering, speed)
+    if limiter.slip.needs_slip_angle:
         steering = steered(limiter.slip, driver.car, steering, now)
     command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period, left_alone)
-    note(reasons, BY_SPEEDOMETER, steering, command)
+    log_step(reasons, BY_SPEEDOMETER, steering, command)
     return steering, command

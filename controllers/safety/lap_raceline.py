@@ -1,7 +1,7 @@
-"""Known line: a line of little lap time through the ground of the first lap, and how fast it can be driven.
+"""Lap raceline: a line of short lap time through the ground of the first lap, and the speeds along it.
 
-    shape_line(line, lap, scan, beams, limiter, max_speed)  # in every tick until the line is ready
-    place = follow_line(line, lap, scan, ranges, limiter, odometry, reference)  # AWAY, NEAR or ON
+    shape_line(line, lap, geometry, beams, limiter, max_speed)  # in every tick until the line is ready
+    state = follow_line(line, lap, geometry, ranges, limiter, odometry, reference)  # AWAY, NEAR or ON
 
 1. Shaping. The line begins as the path of the first lap. In each of several rounds its points are spread evenly, and
    the room to both sides of each is read off the recorded ends of beams. The points are then moved sideways within that
@@ -36,15 +36,15 @@ import numpy as np
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
+from ..control.actuation import apply_limits_of
 from ..control.decision import extend_path
-from ..control.holding import hold_by
 from ..control.planner_settings import Record
-from ..control.reasons import KNOWN_LINE, note
+from ..control.reasons import REMEMBERED_LINE, log_step
 from ..control.stages import Stage
 from ..control.steering import arc_through, late_by, saturate
-from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, next_place
+from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, next_point
 from ..perception.lap_map import FAR, LAP_MAP, PLACES, beam_directions, see_lap, tell_sides
-from ..perception.scan_geometry import nearest_place, sees
+from ..perception.scan_geometry import nearest_beam, sees
 from .friction_limiter import LIMITER, longitudinal_share
 from .least_time import average, quicken
 
@@ -123,13 +123,13 @@ REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE), ("among_targets", np.bo
 
 
 @kernel
-def shape_line(line: Record, lap: Record, scan: Record, beams: int, limiter: Record, max_speed: float) -> None:
+def shape_line(line: Record, lap: Record, geometry: Record, beams: int, limiter: Record, max_speed: float) -> None:
     """Do a tick's part of the shaping.
 
     Args:
       line: of type LINE, written to.
       lap: of type LAP_MAP, closed.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       beams: of a scan.
       limiter: of type LIMITER.
       max_speed: [m/s].
@@ -138,14 +138,14 @@ def shape_line(line: Record, lap: Record, scan: Record, beams: int, limiter: Rec
     if line.shape == 0:
         for _ in range(_PLACES_A_TICK):
             if line.done < lap.count:
-                tell_sides(lap, line.done, scan, beams, limiter.car.lidar_offset)
+                tell_sides(lap, line.done, geometry, beams, limiter.car.lidar_offset)
                 line.done += 1
         if line.done == lap.count:
             line.shape = 1
     elif line.shape == 1:
         _spread(line, lap)
     elif line.shape == 2:
-        directions = beam_directions(scan, beams)
+        directions = beam_directions(geometry, beams)
         for _ in range(_POINTS_A_TICK):
             if line.done < line.count:
                 _read_room(line, lap, directions, limiter.car)
@@ -211,10 +211,10 @@ def _spread_evenly(line: Record, count: int) -> None:
     piece = 0
     line.spacing = along[line.count] / count
     for k in range(count):
-        place = k * line.spacing
-        while piece + 1 < line.count and along[piece + 1] <= place:
+        distance = k * line.spacing
+        while piece + 1 < line.count and along[piece + 1] <= distance:
             piece += 1
-        share = (place - along[piece]) / max(along[piece + 1] - along[piece], 1e-9)
+        share = (distance - along[piece]) / max(along[piece + 1] - along[piece], 1e-9)
         after = old[(piece + 1) % line.count]
         line.base[k, 0] = old[piece, 0] + share * (after[0] - old[piece, 0])
         line.base[k, 1] = old[piece, 1] + share * (after[1] - old[piece, 1])
@@ -231,29 +231,29 @@ def _read_room(line: Record, lap: Record, directions: FloatArray, car: Record) -
     x, y, normal_x, normal_y = line.base[k, 0], line.base[k, 1], line.normal[k, 0], line.normal[k, 1]
     best, least = line.next, math.inf  # of the places, which are as many to the metre as the points
     for aside in range(-2 * _AHEAD, 2 * _AHEAD + 1):
-        place = (line.next + aside) % lap.count
-        apart = math.hypot(lap.places[place, 0] - x, lap.places[place, 1] - y)
+        index = (line.next + aside) % lap.count
+        apart = math.hypot(lap.places[index, 0] - x, lap.places[index, 1] - y)
         if apart < least:
-            best, least = place, apart
+            best, least = index, apart
     line.next = best
     most = _MOVES[line.round]
     right, left, half = -most, most, 0.5 * car.width + _MARGIN
     tail, nose = -car.rear_overhang - _MARGIN, car.length - car.rear_overhang + _MARGIN
     for aside in range(-_BEHIND, _AHEAD + 1):
-        place = (best + aside) % lap.count
-        cos, sin = math.cos(lap.places[place, 2]), math.sin(lap.places[place, 2])
-        from_x = lap.places[place, 0] + car.lidar_offset * cos - x
-        from_y = lap.places[place, 1] + car.lidar_offset * sin - y
+        index = (best + aside) % lap.count
+        cos, sin = math.cos(lap.places[index, 2]), math.sin(lap.places[index, 2])
+        from_x = lap.places[index, 0] + car.lidar_offset * cos - x
+        from_y = lap.places[index, 1] + car.lidar_offset * sin - y
         # the lidar and the beam's direction, along the line's normal and across it
         cross, along = normal_y * from_x - normal_x * from_y, normal_x * from_x + normal_y * from_y
         turned_cos, turned_sin = normal_x * cos + normal_y * sin, normal_y * cos - normal_x * sin
         for beam in range(len(directions)):
-            distance, forward, sideways = lap.ranges[place, beam], directions[beam, 0], directions[beam, 1]
+            distance, forward, sideways = lap.ranges[index, beam], directions[beam, 0], directions[beam, 1]
             if distance < FAR and tail < cross + distance * (turned_sin * forward - turned_cos * sideways) < nose:
                 to_left = along + distance * (turned_cos * forward + turned_sin * sideways)
-                if lap.to_left[place, beam] > 0 and to_left > -_THROUGH:
+                if lap.to_left[index, beam] > 0 and to_left > -_THROUGH:
                     left = min(left, to_left - half)
-                elif lap.to_left[place, beam] < 0 and to_left < _THROUGH:
+                elif lap.to_left[index, beam] < 0 and to_left < _THROUGH:
                     right = max(right, to_left + half)
     if left < right:
         left = right = 0.5 * (left + right)
@@ -320,7 +320,7 @@ def forget_line(line: Record) -> None:
 def follow_line(
     line: Record,
     lap: Record,
-    scan: Record,
+    geometry: Record,
     ranges: FloatArray,
     limiter: Record,
     odometry: Record,
@@ -333,7 +333,7 @@ def follow_line(
     Args:
       line: of type LINE, ready; written to.
       lap: of type LAP_MAP, closed.
-      scan: of type SCAN.
+      geometry: of type SCAN_GEOMETRY.
       ranges: readings (n,) [m], without NaN or inf.
       limiter: of type LIMITER.
       odometry: of type ODOMETRY.
@@ -342,19 +342,19 @@ def follow_line(
     _limit(line, limiter)
     limiter = line.limiter
     now, car = odometry.speed, limiter.car
-    if lap.driven < line.until or not (sees(scan, ranges) and math.isfinite(now)):
+    if lap.driven < line.until or not (sees(geometry, ranges) and math.isfinite(now)):
         line.follows = False
         return AWAY
     if not line.follows:
         line.next = _nearest(line.points[: line.count], lap.x, lap.y)
     window, spacing = ahead_on(line), line.spacing
-    point = next_place(window, 1, lap.x, lap.y, lap.heading)
+    point = next_point(window, 1, lap.x, lap.y, lap.heading)
     line.next = (line.next + point - 1) % line.count
-    along, aside, turned = place_on(window, point, spacing, lap.x, lap.y, lap.heading)
+    along, aside, turned = position_on(window, point, spacing, lap.x, lap.y, lap.heading)
     if abs(aside) > _NEAR[0] or abs(turned) > _NEAR[1]:
         line.follows = False
         return AWAY
-    free = free_on(window[point:], spacing, lap, scan, ranges, car)
+    free = free_on(window[point:], spacing, lap, geometry, ranges, car)
     if free < 2.0 * _STOPS_BEFORE:
         line.follows, line.until = False, lap.driven + _PLANNER_DRIVES
         return AWAY
@@ -393,7 +393,7 @@ def follow_line(
 @kernel
 def _uses(limiter: Record) -> tuple[float, float]:
     """Return the shares of a limiter's cornering acceleration and of its braking that speed on the line counts on."""
-    return _USES_WHEN_LATE if limiter.slip.soft else _USES
+    return _USES_WHEN_LATE if limiter.slip.needs_slip_angle else _USES
 
 
 @kernel
@@ -403,7 +403,7 @@ def _limit(line: Record, limiter: Record) -> None:
     Tires that need slip angles keep the limiter that they have.
     """
     line.limiter = limiter
-    if limiter.slip.soft:
+    if limiter.slip.needs_slip_angle:
         return
     settings = line.limiter.settings
     settings.turn_in_use = min(_TURNS_FASTER * limiter.settings.turn_in_use, 1.0)
@@ -411,7 +411,9 @@ def _limit(line: Record, limiter: Record) -> None:
 
 
 @kernel
-def free_on(points: FloatArray, spacing: float, lap: Record, scan: Record, ranges: FloatArray, car: Record) -> float:
+def free_on(
+    points: FloatArray, spacing: float, lap: Record, geometry: Record, ranges: FloatArray, car: Record
+) -> float:
     """Return how far ahead the first beam ends on the line [m], where no wall was; inf: none does.
 
     The line is that of `points` (n, 6); the other arguments are as of `follow_line`.
@@ -424,14 +426,14 @@ def free_on(points: FloatArray, spacing: float, lap: Record, scan: Record, range
         distance = math.hypot(ahead, left)
         if ahead < 2.0 * reach or distance > FAR:
             continue
-        middle = nearest_place(scan.angle_min, scan.angle_increment, ahead, left)
-        half = reach / (distance * scan.angle_increment)
+        middle = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left)
+        half = reach / (distance * geometry.angle_increment)
         step = max(2.0 * half / _BEAMS_A_POINT, 1.0)
         beam = max(middle - half, 0.0)
         while beam <= min(middle + half, len(ranges) - 1.0):
-            bearing = scan.angle_min + scan.angle_increment * int(beam)
+            bearing = geometry.angle_min + geometry.angle_increment * int(beam)
             off = ranges[int(beam)] - distance
-            across = distance * (bearing - scan.angle_min - scan.angle_increment * middle)
+            across = distance * (bearing - geometry.angle_min - geometry.angle_increment * middle)
             if off * off + across * across < reach * reach:
                 return k * spacing
             beam += step
@@ -448,12 +450,12 @@ def ahead_on(line: Record) -> FloatArray:
 
 
 @kernel
-def place_on(
+def position_on(
     points: FloatArray, point: int, spacing: float, x: float, y: float, heading: float
 ) -> tuple[float, float, float]:
-    """Return the place of a car between two points of a line: their arc leads from one to the other.
+    """Return the position of a car between two points of a line: their arc leads from one to the other.
 
-    That is the place along the line in points, how far to the left of the line the car is [m], and its angle to the
+    That is the position along the line in points, how far to the left of the line the car is [m], and its angle to the
     line [rad], positive to the left.
 
     Args:
@@ -479,12 +481,12 @@ def place_on(
 
 
 @kernel
-def curvature_at(points: FloatArray, place: float) -> float:
-    """Return the curvature [1/m] of a line at a place between its points; at the last one, if it is beyond."""
-    at = int(place)
+def curvature_at(points: FloatArray, position: float) -> float:
+    """Return the curvature [1/m] of a line at a position between its points; at the last one, if it is beyond."""
+    at = int(position)
     if at + 1 >= len(points):
         return float(points[len(points) - 1, CURVATURE])
-    share = place - at
+    share = position - at
     return float((1.0 - share) * points[at, CURVATURE] + share * points[at + 1, CURVATURE])
 
 
@@ -500,12 +502,12 @@ def _nearest(points: FloatArray, x: float, y: float) -> int:
 
 
 @kernel
-def speed_on(points: FloatArray, place: float, spacing: float, limiter: Record, now: float) -> float:
+def speed_on(points: FloatArray, position: float, spacing: float, limiter: Record, now: float) -> float:
     """Return the greatest speed [m/s] from which the tires hold the car through all that comes.
 
     Args:
       points: of a line (n, 6).
-      place: of the car, in points.
+      position: of the car, in points.
       spacing: of the points [m].
       limiter: of type LIMITER.
       now: present speed [m/s].
@@ -521,7 +523,7 @@ def speed_on(points: FloatArray, place: float, spacing: float, limiter: Record, 
         squares[k] = square = min(square, corner)
         demand = points[k, DEMAND]
     best = math.inf
-    for each in (place, place + _LOOKAHEAD * max(now, 0.0) / spacing):
+    for each in (position, position + _LOOKAHEAD * max(now, 0.0) / spacing):
         at = min(int(each), len(points) - 2)
         share = min(each - at, 1.0)
         best = min(best, (1.0 - share) * squares[at] + share * squares[at + 1])
@@ -530,31 +532,33 @@ def speed_on(points: FloatArray, place: float, spacing: float, limiter: Record, 
 
 @kernel
 def _remember(  # type: ignore[no-untyped-def]
-    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
 ):
     """Record the lap, and decide while the car is on its line; arguments as in control.stages."""
-    driver, memory, reference = driven.driver, driven.memory, driven.reference
-    seen, odometry = driven.scan, driven.odometry
-    own.among_targets |= memory.predictions.count > 0
-    if own.among_targets:
+    driver, memory, reference = tick.driver, tick.memory, tick.reference
+    seen, odometry = tick.geometry, tick.odometry
+    stage_state.among_targets |= memory.predictions.count > 0
+    if stage_state.among_targets:
         return
-    see_lap(own.lap, seen, guiding, odometry, driver.car.lidar_offset)
-    if not driven.decided and _is_on_line(seen, valid, odometry, driver, memory, own, reference):
+    see_lap(stage_state.lap, seen, ranges_without_cars, odometry, driver.car.lidar_offset)
+    if not tick.decided and _is_on_line(seen, ranges, odometry, driver, memory, stage_state, reference):
         extend_path(seen, odometry, driver, memory)
-        speed, limiter = min(reference.speed, reference.limit, driver.max_speed), own.line.limiter
+        speed, limiter = min(reference.speed, reference.limit, driver.max_speed), stage_state.line.limiter
         steering = reference.steering_angle
-        command[0], command[1] = hold_by(limiter, seen, odometry, driver, memory, steering, speed, _LINE_USE, 0.0)
-        driven.decided = True
+        command[0], command[1] = apply_limits_of(
+            limiter, seen, odometry, driver, memory, steering, speed, _LINE_USE, 0.0
+        )
+        tick.decided = True
 
 
 @kernel
 def _is_on_line(
-    scan: Record,
-    valid: FloatArray,
+    geometry: Record,
+    ranges: FloatArray,
     odometry: Record,
     driver: Record,
     memory: Record,
-    own: Record,
+    stage_state: Record,
     reference: Record,
 ) -> bool:
     """Return whether the car is on its line, and write the reference that follows it.
@@ -562,32 +566,32 @@ def _is_on_line(
     Until the line is ready, a tick's part of the work on it is done.
 
     Args:
-      scan: of type SCAN.
-      valid: readings (n,) [m], without NaN or inf.
+      geometry: of type SCAN_GEOMETRY.
+      ranges: readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       driver: of type driving.DRIVER.
       memory: of type driving.DRIVING_MEMORY.
-      own: of type REMEMBERED, written to.
+      stage_state: of type REMEMBERED, written to.
       reference: of type REFERENCE, written to.
     """
-    lap, line = own.lap, own.line
+    lap, line = stage_state.lap, stage_state.line
     if not lap.closed:
         forget_line(line)
         return False
     if not line.ready:
-        shape_line(line, lap, scan, len(valid), driver.limiter, driver.max_speed)
+        shape_line(line, lap, geometry, len(ranges), driver.limiter, driver.max_speed)
         return False
     if memory.guidance.follows and not line.follows:
         return False
-    place = follow_line(line, lap, scan, valid, driver.limiter, odometry, reference)
-    if place != AWAY:
-        note(memory.reasons, KNOWN_LINE, reference.steering_angle, reference.speed)
-    return place == ON
+    state = follow_line(line, lap, geometry, ranges, driver.limiter, odometry, reference)
+    if state != AWAY:
+        log_step(memory.reasons, REMEMBERED_LINE, reference.steering_angle, reference.speed)
+    return state == ON
 
 
 REMEMBER = Stage(
     text="from the second lap on the car follows a line through the ground of the first", needs=("guidance",),
-    needs_friction=True, after_guidance=_remember, own=REMEMBERED,
+    needs_friction=True, after_guidance=_remember, state_type=REMEMBERED,
 )  # fmt: skip
 """The stage `remember`: from the second lap on the car follows a line through the ground of the first."""
 
@@ -597,5 +601,5 @@ def line_of(planner: Planner) -> FloatArray:
 
     Shape (n, 2) [m]; no points while there is no line.
     """
-    line = planner.kept("remember")["line"]
+    line = planner.stage_state("remember")["line"]
     return np.array(line["points"][: line["count"] if line["ready"] else 0, :2])
