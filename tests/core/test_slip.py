@@ -45,7 +45,7 @@ def circled(tires, radius):
     planner = GapFinder(car, Vehicle.load().reliable_mu(tires))
     limiter, angle = planner.driver["limiter"][0], math.atan(car.wheelbase / radius)
     speed = 0.95 * min(held_on_circle(limiter, angle, 8.0, 0.0, 1.0)[1], 8.0)
-    wheels = steered(limiter["slip"], limiter["car"], angle, speed) if limiter["slip"]["soft"] else angle
+    wheels = steered(limiter["slip"], limiter["car"], angle, speed) if limiter["slip"]["needs_slip_angle"] else angle
     ground.place(speed)
     shares = np.minimum(np.arange(60) / 30.0, 1.0)
     turned = ground.run(DriveCommand(steering_angle=share * wheels, speed=speed) for share in shares.tolist())
