@@ -192,7 +192,7 @@ from fg_mujoco.controllers.control.planner import GoalPlanner
 class Fixed(GoalPlanner):
     Settings = DrivingSettings
     @staticmethod
-    def goal(scan, ranges, car, settings, shown):
+    def goal(geometry, ranges, car, settings, debug):
         return 0.25, 1.0
 """
     path, bearings = tmp_path / "fixed.py", []

@@ -42,7 +42,7 @@ class Goal(GoalPlanner):
     Settings = GapFinderSettings
 
     @staticmethod
-    def goal(scan, ranges, car, settings, shown):
+    def goal(geometry, ranges, car, settings, debug):
         if len(ranges) > 3:
             raise ValueError("too many")  # line 35
         return 0.0, 1.0
@@ -52,7 +52,7 @@ class Typo(GoalPlanner):
     Settings = GapFinderSettings
 
     @staticmethod
-    def goal(scan, ranges, car, settings, shown):
+    def goal(geometry, ranges, car, settings, debug):
         return ranges.angle, 1.0  # line 44
 """
 
