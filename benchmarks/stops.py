@@ -73,7 +73,8 @@ def on_circles(tires: Tires) -> Iterator[tuple[bool, float, bool]]:
             planner, angle = GapFinder(car, mu), math.atan(car.wheelbase / radius)
             limiter = planner.driver["limiter"][0]
             speed = share * min(held_on_circle(limiter, angle, 8.0, 0.0, 1.0)[1], 8.0)
-            wheels = steered(limiter["slip"], limiter["car"], angle, speed) if limiter["slip"]["needs_slip_angle"] else angle
+            slip = limiter["slip"]
+            wheels = steered(slip, limiter["car"], angle, speed) if slip["needs_slip_angle"] else angle
             ground.place(speed)
             shares = np.minimum(np.arange(80) / 30.0, 1.0).tolist()
             ground.run(DriveCommand(steering_angle=turned * wheels, speed=speed) for turned in shares)
