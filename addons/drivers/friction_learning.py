@@ -546,7 +546,8 @@ def _learn(  # type: ignore[no-untyped-def]
     learn(stage_state.learning, learned, driver.car, tick.odometry, period_of(geometry))
     row = trajectories[driver.trajectories + learned.level].limiter
     driver.limiter = row
-    use_friction(driver.limiter, row, learned.mu)
+    held = trajectories[driver.trajectories + learned.stops].limiter.mu  # less than the level's where a wheel lifts
+    use_friction(driver.limiter, row, min(learned.mu, held))
     driver.stops = learned.stops
     tick.odometry.steering_angle = true_steering(learned, tick.odometry.steering_angle)
 

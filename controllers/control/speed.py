@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import FloatArray
+from fg_mujoco.messages import CarParameters, FloatArray
 
 
 @kernel
@@ -34,6 +34,21 @@ def friction_speed(steering_angle: float, mu: float, wheelbase: float, gravity: 
 def friction_steering(speed: float, mu: float, wheelbase: float, gravity: float) -> float:
     """Return the greatest steering angle [rad] that the tires hold at `speed` [m/s]: `friction_speed` read back."""
     return math.atan2(gravity * mu * wheelbase, speed * speed)
+
+
+def lifting_share(car: CarParameters, steering_angle: float) -> float:
+    """Return the lateral acceleration over g at which a rigid car lifts a wheel on a circle of a steering angle [rad].
+
+    Moments about the axles and about the middle of the car, both axles rolling alike: a wheel is lifted by the height
+    of the centre of gravity and by the wheels as gyroscopes. The backward part of the acceleration loads the front
+    axle.
+    """
+    b, height = car.wheelbase, car.center_of_gravity_height
+    aside = (height + 4.0 * car.wheel_inertia / (car.mass * car.wheel_radius)) / car.track_width
+    forward = car.rear_axle_distance * math.tan(abs(steering_angle)) * height / b**2
+    return min(
+        car.front_axle_distance / b / (aside + forward), car.rear_axle_distance / b / max(aside - forward, 1e-9)
+    )
 
 
 @kernel

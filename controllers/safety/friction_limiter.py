@@ -1,7 +1,7 @@
 """The friction limiter: the command nearest to a reference command that the tires can follow without sliding.
 
 The friction law v = sqrt(g mu b / tan|d|) describes a steady circle. A moving car needs more than that. In each tick
-the limiter applies six limits; k is the curvature tan(d) / b of the path at the rear axle, and a = mu g the
+the limiter applies seven limits; k is the curvature tan(d) / b of the path at the rear axle, and a = mu g the
 acceleration that the tires can hold:
 
 1. Speed at the commanded steering angle: v <= sqrt(b a / tan|d|).
@@ -27,10 +27,13 @@ acceleration that the tires can hold:
    lateral acceleration lr x k does. This counts where k is great and v^2 k is not: at full lock from standing. It is
    added to the v^2 k + c v dk/dt of 3, and the share that it leaves is that of steady circles. From .6 m/s on the
    car brakes without it, as its stops are planned.
+7. Lifting wheels: a car that corners with more than `lifting_share` of g lifts the inner rear wheel, and open
+   differentials then give no wheel any torque. So in 1, 2, 3, 5 and 6, mu is the least of the friction and that share
+   at full lock.
 
-Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid
-single-track car, and moments about its axles. The exponent is a fit; tests/core/test_friction_limiter.py compares it
-with the simulated car.
+Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid single-
+track car, and moments about its axles; 7 is those of a car with two tracks. The exponent is a fit;
+tests/core/test_friction_limiter.py compares it with the simulated car.
 """
 
 from __future__ import annotations
@@ -57,7 +60,7 @@ from ..control.planner_settings import (
     setting_of_car,
 )
 from ..control.slip import SLIP, fastest_on, slip_row, tightest_arc
-from ..control.speed import friction_speed, friction_steering, share_of_way
+from ..control.speed import friction_speed, friction_steering, lifting_share, share_of_way
 from ..control.steering import saturate
 
 _CORNERING_EXPONENT = 0.9  # of the F1TENTH car, see 4 above
@@ -65,6 +68,7 @@ _SLOWEST_GROWTH = 0.7  # [-] of braking, see 5 above: slower, and stops get long
 _STEADY_EXPONENT = 0.7  # the same on steady circles
 _SLOW = 0.6  # [m/s] a faster car brakes as its stops are planned
 _FOUND_AT = 1.0489  # friction coefficient at which 0.9 and the shares for evading were found
+_LOAD_KEPT = 0.476  # least share that the inner rear wheel of the cars for which they were found keeps, see `evasive`
 _LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
 
 
@@ -105,7 +109,7 @@ LIMITER = np.dtype(
     [
         ("settings", record_type(FrictionLimiterSettings)),
         ("car", CAR),
-        ("mu", np.float64),
+        ("mu", np.float64),  # that cornering may use, see 7 above
         ("lateral", np.float64),  # [m/s^2] these six: see FrictionLimiter
         ("braking", np.float64),  # [m/s^2]
         ("accelerating", np.float64),  # [m/s^2]
@@ -161,11 +165,11 @@ def evasive(settings: FrictionLimiterSettings, car: CarParameters, mu: float) ->
     """Return the settings of a car that evades, which were found at a friction of 1.0489, for a floor of friction `mu`.
 
     It brakes and turns at once, which relieves the inner rear wheel. The wheels are turned in with a share of the grip
-    that is in proportion to the load which this wheel keeps. On floors of more friction the share is not lowered.
+    that is in proportion to the load which this wheel keeps, and so a taller car turns them in with a smaller one. On
+    floors of more friction the share is not lowered.
     """
-    if mu >= _FOUND_AT:
-        return settings
-    more = _inner_rear_load(settings, car, mu) / _inner_rear_load(settings, car, _FOUND_AT)
+    held = min(mu, _FOUND_AT, lifting_share(car, car.max_steering_angle))
+    more = _inner_rear_load(settings, car, held) / max(_inner_rear_load(settings, car, _FOUND_AT), _LOAD_KEPT)
     return replace(settings, turn_in_use=min(settings.turn_in_use * more, 1.0))
 
 
@@ -339,7 +343,7 @@ class FrictionLimiter:
       settings: shares of the grip.
 
     Attributes:
-      lateral: acceleration that may be used in cornering [m/s^2].
+      lateral: acceleration that may be used in cornering [m/s^2], of `mu` or of 7.
       braking: greatest deceleration straight ahead [m/s^2].
       accelerating: greatest acceleration straight ahead [m/s^2].
       yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
@@ -358,15 +362,17 @@ class FrictionLimiter:
         require(self, POSITIVE.holds, POSITIVE.text, ("mu",), SettingsError)
         b, h = car.wheelbase, car.center_of_gravity_height
         lever = car.gravity / (h / b + 0.5 / mu) / b
-        self.lateral = self.settings.lateral_use * mu * car.gravity
+        held = min(mu, lifting_share(car, car.max_steering_angle))
+        self.lateral = self.settings.lateral_use * held * car.gravity
         self.braking = self.settings.braking_use * lever * car.front_axle_distance
         self.accelerating = self.settings.accelerating_use * lever * car.rear_axle_distance
         self.yaw_lag = car.rear_axle_distance + car.yaw_inertia / (car.mass * car.rear_axle_distance)
         self.exponent = cornering_exponent(car)
-        self.braking_exponent = braking_exponent(car, mu)
+        self.braking_exponent = braking_exponent(car, held)
         self.record = np.zeros(1, LIMITER)
         self.record["settings"], self.record["car"] = record_values(self.settings), astuple(car)
-        for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag", "exponent", "braking_exponent"):
+        self.record["mu"] = held
+        for name in ("lateral", "braking", "accelerating", "yaw_lag", "exponent", "braking_exponent"):
             self.record[name] = getattr(self, name)
         self.record["slip"] = slip_row(car, self.lateral)
         self._memory = np.zeros(1, LIMITER_MEMORY)

@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from fg_mujoco.controllers.control.speed import lifting_share
+
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..vehicle.car import WHEELS, car_parameters
@@ -79,7 +81,8 @@ class Skidpad:
             columns={
                 "onset": (
                     "tires", "mu", "steering_rad", "law_speed_m_s", "k_grip", "k_grip_closed_form", "lets_go",
-                    "k_slides", "k_slides_closed_form", "first_tire", "lightest_tire", "lightest_load_N", "reason",
+                    "k_slides", "k_slides_closed_form", "k_lifts_closed_form", "first_tire",
+                    "lightest_tire", "lightest_load_N", "reason",
                 )
             },
             expected=tuple(line for part in parts for line in _expected(*part)),
@@ -147,6 +150,7 @@ def _onset_row(circle: SteadyCircle) -> Row:
         "lets_go": grip[1].lets_go if grip else "",
         "k_slides": _middle(slides),
         "k_slides_closed_form": sliding_onset(mu, steering, car, circle.ground.model),
+        "k_lifts_closed_form": math.sqrt(lifting_share(car, steering) / mu),
         "first_tire": slides[1].fastest_tire if slides else "",
         "lightest_tire": WHEELS[int(loads.argmin())] if grip else "",
         "lightest_load_N": float(loads.min()),
@@ -219,7 +223,8 @@ def _sentences(tires: str, onsets: list[Row], curvatures: list[Row]) -> tuple[st
         "slippery ground a car runs wide slowly, and at mu 1.3 MuJoCo's contacts creep as fast while they hold. With "
         f"both in it the closed form is right to {100 * slide_form:.1f} %.",
         f"Beyond, the curvature falls as 1/k², to within {100 * curvature_form:.1f} % from the closed form's k on.",
-        "Load transfer alone moves nothing: under Coulomb's law the outer tire gains what the inner one loses. The "
+        "Load transfer alone moves nothing while no wheel lifts: under Coulomb's law the outer tire gains what the "
+        f"inner one loses. A rigid car lifts one at a k of {_span(onsets, 'k_lifts_closed_form')}. The "
         f"lightest wheel at the limit is the {str(lightest['lightest_tire']).replace('_', ' ')} one, with "
         f"{lightest['lightest_load_N']:.1f} N at {_cell(lightest)}.",
         *(f"No number for {_cell(row)}: {row['reason']}." for row in silent),

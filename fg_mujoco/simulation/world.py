@@ -7,6 +7,7 @@ starts from the same bits.
 from __future__ import annotations
 
 import re
+import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from copy import copy
@@ -20,6 +21,7 @@ import numpy as np
 
 from ..arguments import Suggesting, explain_class
 from ..compiled.kept import kept
+from ..controllers.control.speed import lifting_share
 from ..course.course import Course
 from ..course.definitions import course_sha256
 from ..course.kept_courses import sources_of_courses
@@ -132,6 +134,9 @@ class World(Suggesting):
         self.moving = moving_obstacles(self.model)
         self.cars = tuple(Car(self.model, car_prefix(index)) for index in range(len(builds)))
         self.car = self.cars[0]
+        for build, car in zip(builds, self.cars, strict=True):
+            if build.changes.center_of_gravity_height is not None:
+                _warn_of_lifting(car)
 
     def __repr__(self) -> str:
         course = "of a scene.xml" if self.track is None else f"{quoted(self.track.name)}, {quoted(self.vehicle.name)}"
@@ -191,6 +196,19 @@ class World(Suggesting):
     def all_seen(self) -> ScanlineScene:
         """All that the LiDARs of the cars can meet, each other too, prepared for the beams of car 0's."""
         return ScanlineScene(self.model, self.lidar.beams, None)
+
+
+def _warn_of_lifting(car: Car) -> None:
+    """Warn of a centre of gravity that is so high that a wheel lifts before the tires slide."""
+    own = car.parameters
+    lifts = lifting_share(own, own.max_steering_angle)
+    if lifts < car.mu:
+        warnings.warn(
+            f"center_of_gravity_height is {own.center_of_gravity_height:.4g} m: at full lock a wheel lifts at "
+            f"{lifts:.3g} g, before the tires slide at {car.mu:.3g} g. The friction limiter stays below; a planner "
+            "without it may roll over",
+            stacklevel=3,
+        )
 
 
 def compiled_model(xml: str) -> mujoco.MjModel:

@@ -1,6 +1,7 @@
 """The friction limiter: closed forms, a bicycle driven by any references, what was measured on the car, the car."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from car_worlds import flat_world, forward, step
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
-from fg_mujoco.controllers.control.speed import friction_steering
+from fg_mujoco.controllers.control.speed import friction_steering, lifting_share
 from fg_mujoco.controllers.safety.friction_limiter import (
     FrictionLimiter,
     FrictionLimiterSettings,
@@ -21,6 +22,7 @@ from fg_mujoco.controllers.safety.friction_limiter import (
 )
 from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.racing.race import race
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, slides_above
 from scan_worlds import CAR, MU, odometry_of
 
@@ -144,6 +146,18 @@ def test_on_a_slippery_floor_less_load_moves_and_more_is_left_for_braking_and_tu
         assert exponent == pytest.approx(max(-power * math.log2(left), 0.7))
     exponents = [braking_exponent(CAR, mu) for mu in mus]
     assert exponents == sorted(exponents) and exponents[0] == 0.7  # as on steady circles
+
+
+def test_a_car_that_would_lift_a_wheel_corners_below_that_and_others_by_the_friction():
+    for height, mu in ((HEIGHT, 0.6), (HEIGHT, MU), (0.089, MU), (0.12, 0.7)):
+        limiter = FrictionLimiter(replace(CAR, center_of_gravity_height=height), mu)
+        assert limiter.record["mu"][0] == mu and limiter.lateral == limiter.settings.lateral_use * mu * GRAVITY
+    for height in (0.09, 0.12, 0.16):
+        limiter = FrictionLimiter(replace(CAR, center_of_gravity_height=height), MU)
+        share = lifting_share(limiter.car, CAR.max_steering_angle)
+        assert limiter.record["mu"][0] == share < MU
+        assert limiter.lateral == limiter.settings.lateral_use * share * GRAVITY
+        assert evasive(EVASIVE, limiter.car, MU).turn_in_use < EVASIVE.turn_in_use
 
 
 # -- a bicycle driven by any references
@@ -275,3 +289,10 @@ def test_at_low_speed_no_tire_slides_with_the_wheels_turned(references):
             step(model, data)
             meter.record(data)
     assert np.nanmax(meter.read().sliding_speed) < slides_above("coulomb")
+
+
+@each("height", [0.105, 0.12, 0.14])  # it slid by .06 m/s, and rolled over at .12 m and .14 m
+def test_a_tall_car_laps_without_a_slide_and_is_warned_of(height):
+    with pytest.warns(UserWarning, match=f"center_of_gravity_height is {height:g} m: at full lock a wheel lifts"):
+        car = race(track="oval", laps=1, cog_height=height).cars[0]
+    assert car.finished and car.max_slide_m_s < slides_above("coulomb")

@@ -1,15 +1,18 @@
 """The skidpad against closed forms: where the tires let go, how the circle widens, and what it refuses."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from cases import each
+from fg_mujoco.controllers.control.speed import lifting_share
 from fg_mujoco.lab.rigid_car import axle_use, tire_loads
 from fg_mujoco.lab.skidpad import EXPERIMENT
 from fg_mujoco.lab.steady_circle import SteadyCircle, UnreachableError
+from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -97,6 +100,25 @@ def test_a_wheel_that_carries_next_to_nothing_spins_first():
     assert row["lets_go"] == "rear_left spins" == f"{row['lightest_tire']} spins"
     assert row["k_grip"] == pytest.approx(row["k_grip_closed_form"], abs=0.01)
     assert row["lightest_load_N"] < 0.5
+
+
+@each("steering", [0.05, 0.2, 0.4])
+def test_a_wheel_of_a_rigid_car_lifts_where_moments_say(steering):
+    car = replace(CAR, wheel_inertia=1e-12)  # the loads are of wheels that are no gyroscopes
+    assert tire_loads(1.0, lifting_share(car, steering), steering, car).min() == pytest.approx(0.0, abs=1e-6)
+    taller = replace(car, center_of_gravity_height=0.12)
+    assert tire_loads(1.0, lifting_share(taller, steering), steering, taller).min() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_tall_car_lifts_a_wheel_before_its_tires_slide():
+    """On its springs the car leans; measured: 2.6 % before the rigid car, which is at .871 of the law's speed."""
+    circle = SteadyCircle(1.0489, 0.4, changes=CarChanges(center_of_gravity_height=0.12))
+    lifts = math.sqrt(lifting_share(circle.car, 0.4) / 1.0489)
+    assert 0.86 < lifts < 0.88
+    assert circle.at(0.96 * lifts).lets_go == ""
+    after = circle.at(0.99 * lifts)
+    assert after.lets_go == "rear_left spins" and after.loads.min() < 0.1
+    assert measure(1.0489, 0.2, (0.95, 1.1, 1.3), "contact")[0]["k_lifts_closed_form"] == pytest.approx(1.140, abs=1e-3)
 
 
 def test_a_speed_out_of_reach_is_nan_with_a_reason():
