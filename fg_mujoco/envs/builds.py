@@ -36,7 +36,7 @@ BUILT = ("track", "vehicle", "tires", "obstacles", "patches", "patch_mu")
 """Parameters whose values are compiled into a world."""
 
 _TRIES = 20  # draws for a build, where a random circuit cannot be built
-_KEPT = 256  # builds that are kept at most, about 2 GB
+_KEPT = 256  # builds that are kept at most, some 4 GB once all of them were driven
 _PATCH_LENGTH = 1.5  # [m]
 
 Values = dict[str, Value]
