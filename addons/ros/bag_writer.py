@@ -6,6 +6,7 @@
     /odom          nav_msgs/Odometry                     odom -> base_link
     /imu           sensor_msgs/Imu                       frame imu
     /joint_states  sensor_msgs/JointState                steering angle, turning rates of the wheels
+    /sensors/core  vesc_msgs/VescStateStamped            speed, current and duty of a motor, a constant voltage
     /drive         ackermann_msgs/AckermannDriveStamped  the planner's command
     /tf            tf2_msgs/TFMessage                    odom -> base_link
     /tf_static     tf2_msgs/TFMessage                    map -> odom, base_link -> laser, base_link -> imu; latched
@@ -63,6 +64,7 @@ from .bag_messages import (
     JOINTS,
     LASER_FRAME,
     MAP_FRAME,
+    MOTOR,
     ODOM_FRAME,
     ODOMETRY,
     SCAN,
@@ -80,11 +82,13 @@ from .bag_messages import (
     to_cdr,
     transform_message,
 )
+from .composed_topics import motor_message
 from .occupancy_grid import grid_of
 
+MOTOR_TOPIC = "/sensors/core"
 TOPICS = {
     "/scan": SCAN, "/odom": ODOMETRY, "/imu": IMU, "/joint_states": JOINTS, "/drive": DRIVE, "/tf": TRANSFORMS,
-    "/tf_static": TRANSFORMS, "/map": GRID,
+    "/tf_static": TRANSFORMS, "/map": GRID, MOTOR_TOPIC: MOTOR,
 }  # fmt: skip
 LATCHED = ("/tf_static", "/map")
 """Topics whose last message late subscribers get, too: durability "transient local"."""
@@ -199,7 +203,7 @@ def export_bag(
     run = read_run(folder)
     world = load_world(run)
     model = world.model
-    radius = world.parameters.wheel_radius
+    car = world.parameters
     ticks = len(run.ctrl)
     others = [_Other(run, model, index) for index in range(1, len(world.cars))]
     ends, own_sensors = _Ends.of(run, 0), recorded_sensors(run.summary)
@@ -222,8 +226,8 @@ def export_bag(
                 odometry = odometry_message(sensed.odometry, sensed.position, sensed.quaternion, sensed.lateral_speed)
                 bag.write("/odom", odometry, time)
                 bag.write("/imu", imu_message(sensed.odometry), time)
-                bag.write("/joint_states", joints_message(sensed.odometry, radius), time)
-                _write_readings(bag, "", own_sensors, sensed, time)
+                bag.write("/joint_states", joints_message(sensed.odometry, car.wheel_radius), time)
+                _write_readings(bag, "", own_sensors, sensed, car.mass, time)
             if index <= ends.drives:
                 bag.write("/scan", scan_message(sensed.scan), time)
                 bag.write("/drive", drive_message(tick.command, time), time)
@@ -288,7 +292,7 @@ class _Other:
         self.base = f"{self.namespace}/{BASE_FRAME}"
         self.sensors = recorded_sensors(run.summary["cars"][car])
         self.commands = run.others[car - 1][:, COMMAND : COMMAND + 2]
-        self.radius = car_parameters(model, car_prefix(car)).wheel_radius
+        self.parameters = car_parameters(model, car_prefix(car))
 
 
 def _write_others(
@@ -309,8 +313,9 @@ def _write_others(
         bag.write(f"/{name}/odom", odometry, time)
         bag.write(f"/{EGO}/opp_odom{_suffix(other.car)}", odometry, time)
         bag.write(f"/{name}/imu", imu_message(seen.odometry, f"{name}/{IMU_FRAME}"), time)
-        bag.write(f"/{name}/joint_states", joints_message(seen.odometry, other.radius, other.base), time)
-        _write_readings(bag, f"/{name}", other.sensors, seen, time)
+        car = other.parameters
+        bag.write(f"/{name}/joint_states", joints_message(seen.odometry, car.wheel_radius, other.base), time)
+        _write_readings(bag, f"/{name}", other.sensors, seen, car.mass, time)
         if tick < other.ends.drives:
             bag.write(other.scans, scan_message(seen.scan, f"{name}/{LASER_FRAME}"), time)
             steering_angle, speed = other.commands[tick].tolist()
@@ -321,9 +326,11 @@ def _write_others(
 
 
 def _write_readings(
-    bag: BagWriter, namespace: str, sensors: Sequence[Sensor], sensed: Sensed, time: int
+    bag: BagWriter, namespace: str, sensors: Sequence[Sensor], sensed: Sensed, mass: float, time: int
 ) -> None:
-    """Write what each sensor of a car has delivered in a tick, in frames of the car's namespace."""
+    """Write the motor's state and what each sensor of a car has delivered, in frames of the car's namespace."""
+    if MOTOR_TOPIC not in {f"/sensors/{sensor.name}" for sensor in sensors}:  # one of that name goes before
+        bag.write(f"{namespace}{MOTOR_TOPIC}", motor_message(sensed.odometry, mass), time)
     for sensor in sensors:
         within = "" if sensor.frame in (MAP_FRAME, ODOM_FRAME) or not namespace else f"{namespace[1:]}/"
         for message in reading_messages(sensed.odometry.readings[sensor.name], within + sensor.frame):

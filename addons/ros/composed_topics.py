@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -30,15 +30,18 @@ from .bag_messages import (
     IMU,
     JOINTS,
     MAP_FRAME,
+    MOTOR,
     NUMBER,
     NUMBER_32,
     ODOMETRY,
     WHEEL_JOINTS,
     drive_message,
     heading_of,
+    imu_message,
     joints_message,
     odometry_message,
     stamp_of,
+    type_store,
 )
 
 THROTTLE, STEERING = 22.88, 0.5236
@@ -46,6 +49,12 @@ THROTTLE, STEERING = 22.88, 0.5236
 
 SPEED_TO_ERPM = 4614.0
 """[1/m 1/min s] of the VESC's motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
+
+BATTERY = 12.6
+"""[V] of three cells of a LiPo pack, 4.2 V each when charged, which do not empty."""
+_MOTOR_TURNS, _POLE_PAIRS = 3500.0, 2  # [1/min 1/V], of a Velineon 3500, the motor of the class: 3500 kV, four poles
+_AMBIENT = 25.0  # [deg C] of a motor that never warms
+_TEMPERATURES = ("temperature_pcb", "temp_fet", "temp_motor", "ntc_temp_mos1", "ntc_temp_mos2", "ntc_temp_mos3")
 
 VESC = re.compile(r"(?P<driver>(?:/vesc)?)/commands/(?P<name>motor/speed|servo/position)")
 STEERING_TO_SERVO, SERVO_OFFSET = -1.2135, 0.5304  # the same
@@ -60,6 +69,30 @@ Topic = tuple[str, str]
 def steering_of_servo(position: float) -> float:
     """Return the steering angle [rad] of a position of the VESC's servo, 0 to 1."""
     return (position - SERVO_OFFSET) / STEERING_TO_SERVO
+
+
+def motor_fields(odometry: Odometry, mass: float) -> dict[str, float]:
+    """Return the fields of a VescState of ROS 1 or ROS 2 that are not 0, of a motor without losses.
+
+    The duty cycle grows with the speed, the motor's current with the force, which is the mass [kg] times the
+    acceleration ahead, and the battery gives the power at a constant voltage.
+    """
+    volts_for_speed = SPEED_TO_ERPM / _POLE_PAIRS / _MOTOR_TURNS  # [V s/m]
+    duty = min(max(odometry.speed * volts_for_speed / BATTERY, -1.0), 1.0)
+    current = mass * float(odometry.linear_acceleration[0]) / volts_for_speed
+    return {
+        "speed": odometry.speed * SPEED_TO_ERPM, "voltage_input": BATTERY, "duty_cycle": duty, "current_motor": current,
+        "avg_iq": current, "current_input": duty * current, **dict.fromkeys(_TEMPERATURES, _AMBIENT),
+    }  # fmt: skip
+
+
+def motor_message(odometry: Odometry, mass: float) -> Any:
+    """Return vesc_msgs/VescStateStamped of ROS 2, as the VESC's driver has it."""
+    types = type_store().types
+    state = types["vesc_msgs/msg/VescState"]
+    told = motor_fields(odometry, mass)
+    values = {each.name: told.get(each.name, 0.0 if each.type == "float" else 0) for each in fields(state)}
+    return types[MOTOR](header=imu_message(odometry, frame="").header, state=state(**values))
 
 
 @dataclass(frozen=True)

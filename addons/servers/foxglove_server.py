@@ -60,7 +60,8 @@ from fg_mujoco.addons.ros.bag_messages import (
     to_cdr,
     transform_message,
 )
-from fg_mujoco.addons.ros.bag_writer import LATCHED, car_mounts
+from fg_mujoco.addons.ros.bag_writer import LATCHED, MOTOR_TOPIC, car_mounts
+from fg_mujoco.addons.ros.composed_topics import motor_message
 from fg_mujoco.addons.ros.occupancy_grid import grid_of
 from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, missing_extra
 from fg_mujoco.messages import STOP, DriveCommand, shown
@@ -218,6 +219,7 @@ class FoxgloveServer:
         self._log("/odom", odometry_message(odometry, position, quaternion, lateral), now)
         self._log("/imu", imu_message(odometry), now)
         self._log("/joint_states", joints_message(odometry, session.world.parameters.wheel_radius), now)
+        self._log(MOTOR_TOPIC, motor_message(odometry, session.world.parameters.mass), now)
         self._log("/scan", scan_message(session.scan), now)
         steering_angle, speed = simulation.engine.commands[0].tolist()
         self._log("/drive", drive_message(DriveCommand(steering_angle=steering_angle, speed=speed), now), now)

@@ -23,7 +23,7 @@ from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.world import World
 
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
-from ..composed_topics import SPEED_TO_ERPM, STEERING, THROTTLE, cars_in
+from ..composed_topics import STEERING, THROTTLE, cars_in, motor_fields
 from ..front_camera import FIELD_OF_VIEW, SIZE, FrontCamera
 from ..occupancy_grid import Grid, grid_of
 from .graph import BEGIN, Graph
@@ -128,10 +128,11 @@ class Sensing:
 
     def __init__(self, graph: Graph, flavour: int, car: CarParameters, beams: int | None = None) -> None:
         self._beams = beams
-        self._graph, self._flavour, self._wheel_radius = graph, flavour, car.wheel_radius
+        self._graph, self._flavour, self._wheel_radius, self._mass = graph, flavour, car.wheel_radius, car.mass
         self._wheelbase, self._half_track = car.wheelbase, car.track_width / 2
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
         self._before: float | None = None
+        self._ticks = 0
         self.surroundings: Surroundings | None = None
         self.opponent = False
         self.command = (0.0, 0.0)  # speed [m/s] and steering angle [rad], last commanded
@@ -154,6 +155,7 @@ class Sensing:
     def messages(self, scan: LaserScan, odometry: Odometry) -> Iterator[tuple[str, Any]]:
         """Make the messages of one tick, in the order of TOPICS, and take the pose as the newest transform."""
         self._scan, self._odometry = scan, odometry
+        self._ticks += 1
         self._move()
         x, y, heading = self._pose.tolist()
         self._at = x, y, math.sin(heading / 2), math.cos(heading / 2)
@@ -323,10 +325,12 @@ class Sensing:
         )
 
     def _make_vesc_state(self) -> Any:
-        """All but the speed stays 0: there is no battery here."""
+        kind, told = self._kind("vesc_msgs/msg/VescState"), motor_fields(self._odometry, self._mass)
+        if self._flavour == ROS1:  # that driver's packets say -1 times the turns (f1tenth/vesc, main, vesc_packet.cpp)
+            told["speed"] = -told["speed"]
         return made(
             self._kind("vesc_msgs/msg/VescStateStamped"), header=self._header(self._odometry.stamp, ""),
-            state=made(self._kind("vesc_msgs/msg/VescState"), speed=self._odometry.speed * SPEED_TO_ERPM),
+            state=made(kind, **{name: value for name, value in told.items() if name in kind._makers}),
         )  # fmt: skip
 
     def _make_pose(self) -> Any:
@@ -395,9 +399,10 @@ class Sensing:
             header=self._header(self._odometry.stamp, CAMERA_FRAME), height=height, width=width,
             distortion_model="plumb_bob",
         )  # fmt: skip
-        first = "K" if self._flavour == ROS1 else "k"
-        matrix_of = [focus, 0.0, 0.5 * width, 0.0, focus, 0.5 * height, 0.0, 0.0, 1.0]
-        setattr(message, first, matrix_of)
+        rows = np.array(((focus, 0.0, 0.5 * width), (0.0, focus, 0.5 * height), (0.0, 0.0, 1.0)))
+        projection = np.column_stack((rows, np.zeros(3)))
+        for name, values in {"k": rows, "r": np.eye(3), "p": projection, "d": np.zeros(5)}.items():
+            setattr(message, name.upper() if self._flavour == ROS1 else name, values.ravel().tolist())
         return message
 
     def _encoder(self, name: str, wheel: int) -> Any:
@@ -423,7 +428,8 @@ class Sensing:
             angular_velocity=self._vector(self._odometry.angular_velocity),
             linear_acceleration=self._vector(self._odometry.linear_acceleration),
         )  # fmt: skip
-        message.orientation_covariance[0] = -1.0  # there is no estimate
+        message.orientation.w = 1.0  # a rotation, though there is no estimate
+        message.orientation_covariance[0] = -1.0
         return message
 
     def _make_imu_with_orientation(self) -> Any:
@@ -457,7 +463,8 @@ class Sensing:
         return message_class(name, self._flavour)
 
     def _header(self, stamp: float, frame: str) -> Any:
-        return made(self._kind("std_msgs/msg/Header"), stamp=self._time(stamp), frame_id=frame)
+        counted = {"seq": self._ticks} if self._flavour == ROS1 else {}  # as rospy counts what is published
+        return made(self._kind("std_msgs/msg/Header"), stamp=self._time(stamp), frame_id=frame, **counted)
 
     def _time(self, stamp: float) -> Any:
         time = BEGIN + nanoseconds(stamp)

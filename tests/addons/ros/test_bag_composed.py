@@ -1,7 +1,7 @@
 """Bags of AutoDRIVE's bridge and of the VESC's driver: what topics of numbers make together."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,10 +13,18 @@ from fg_mujoco.addons.realcar.bag_drive import read_drives
 from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, USUAL, drive_message, type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
-from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING, STEERING_TO_SERVO, THROTTLE
+from fg_mujoco.addons.ros.composed_topics import (
+    SERVO_OFFSET,
+    SPEED_TO_ERPM,
+    STEERING,
+    STEERING_TO_SERVO,
+    THROTTLE,
+    motor_message,
+)
 from fg_mujoco.addons.ros.node_host.sensing import TOPICS
 from fg_mujoco.cli.main import main
 from fg_mujoco.messages import DriveCommand
+from scan_worlds import odometry_of
 
 STEP = SECOND // 20
 SPEED, YAW_RATE = 1.5, 0.4  # of the circle that is driven
@@ -169,3 +177,15 @@ def test_a_measurement_of_a_bag_that_failed_is_left_out_and_one_that_none_measur
             continue
         with pytest.raises(fg.FgMujocoError, match=r"wheel speed: .*; accepted: "):
             read_drives(bag)
+
+
+def test_a_motor_without_losses_has_the_power_of_the_force_that_moves_the_car():
+    for speed, ahead in ((2.0, 5.0), (6.0, -3.0), (-1.5, -2.0)):
+        odometry = replace(odometry_of(speed), linear_acceleration=np.array((ahead, 1.0, 9.81)))
+        state = motor_message(odometry, 3.74).state
+        power = 3.74 * ahead * speed
+        assert state.voltage_input * state.current_input == pytest.approx(power)
+        assert state.duty_cycle * state.voltage_input * state.current_motor == pytest.approx(power)
+        assert state.duty_cycle * 12.6 * 3500.0 == pytest.approx(state.speed / 2) == speed * SPEED_TO_ERPM / 2
+        assert state.voltage_input > 12.0 and state.fault_code == 0 and 20.0 <= state.temp_fet <= 30.0
+    assert motor_message(odometry_of(20.0), 3.74).state.duty_cycle == 1.0

@@ -131,6 +131,8 @@ def test_commands_joints_and_imu_are_those_of_the_run(messages, folder):
         wheels = np.array(joints.velocity[1:])
         speed = messages["/odom"][i][1].twist.twist.linear.x
         assert 0.04899 * wheels.mean() == pytest.approx(speed, rel=0.01, abs=1e-9)
+        motor = messages["/sensors/core"][i][1].state
+        assert motor.speed == pytest.approx(4614.0 * speed) and motor.voltage_input == 12.6
     _, imu = messages["/imu"][20]
     assert imu.header.frame_id == "imu"
     assert imu.orientation_covariance[0] == -1.0  # it measures none
@@ -188,7 +190,8 @@ def two(bag_of_two):
 @pytest.mark.slow
 def test_topics_of_two_cars_are_those_of_f1tenth_gym_ros(two):
     named = {"/ego_racecar/odom", "/ego_racecar/opp_odom", "/opp_racecar/opp_odom", "/opp_scan", "/opp_drive"}
-    assert set(two) == set(TOPICS) | named | {f"/opp_racecar/{name}" for name in ("odom", "imu", "joint_states")}
+    others = ("odom", "imu", "joint_states", "sensors/core")
+    assert set(two) == set(TOPICS) | named | {f"/opp_racecar/{name}" for name in others}
 
 
 def test_scans_are_those_that_each_planner_got(two):

@@ -121,3 +121,25 @@ exit(gen.generate("wall", "wall", "Wall"))
 def test_python_2_is_refused_with_its_line(line, tmp_path):
     with pytest.raises(ControllerError, match=r"does not import: .* \(.*mine.py, line 1[45]\); it is Python 2$"):
         commands(write(tmp_path, ROS1 + line + "\n"))
+
+
+def test_the_motor_turns_as_the_driver_of_ros_1_says_it_and_messages_are_counted(tmp_path):
+    text = ROS1 + "from vesc_msgs.msg import VescStateStamped\nfrom sensor_msgs.msg import CameraInfo, Imu\ngot = {}\n"
+    topics = {"VescStateStamped": "/vesc/sensors/core", "Imu": "/imu", "CameraInfo": "/camera/camera_info"}
+    for kind, topic in topics.items():
+        text += f"rospy.Subscriber({topic!r}, {kind}, lambda message: got.setdefault({kind!r}, []).append(message))\n"
+    text += """
+def take(scan):
+    if len(got) < 3:
+        return
+    state, lens = got["VescStateStamped"][-1].state, got["CameraInfo"][-1]
+    assert state.voltage_input > 12.0 and state.temperature_pcb > 20.0
+    assert lens.P[0] == lens.P[5] == lens.K[0] > 0.0 == lens.P[3] and lens.P[10] == lens.R[0] == 1.0
+    assert got["Imu"][-1].orientation.w == 1.0 and got["Imu"][-1].orientation_covariance[0] == -1.0
+    counts = [message.header.seq for message in got["Imu"]]
+    assert counts == list(range(counts[0], counts[0] + len(counts)))
+    drive(-state.speed / 4614.0)
+rospy.Subscriber("/scan", LaserScan, take)
+rospy.spin()
+"""
+    assert commands(write(tmp_path, text), 5)[-1][0] == pytest.approx(1.0)
