@@ -229,6 +229,7 @@ class Graph:
         self.spares: Callable[[Process, Exception], bool] = lambda *_: False  # whether a failed thread ends alone
         self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the host answers, by name
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)
+        self.waiting_for_transforms: list[tuple[Any, Callable[[], Any]]] = []  # future, and what looks for it again
         self._read = 0  # [ns] last time that a node has read
         self.ticks = 0
         self.told_of_numpy = False  # whether a warning of NumPy's scalars has been given

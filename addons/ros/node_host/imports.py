@@ -25,6 +25,7 @@ from fg_mujoco.simulation.old_numpy import OLD_NAMES
 from .graph import Graph
 from .message_classes import SERVICE_PACKAGES, Definitions
 from .reconfigure import configurations
+from .rosidl_modules import rosidl_modules
 from .source import FINDER, Unused, data_file, is_package_of_python, own_folders, read_source
 from .workspace import module_folders, packages
 
@@ -123,10 +124,7 @@ class Imports:
             "importlib.util": util,
             "runpy": Overlay(runpy, run_path=self._run_path),
         }
-        self._modules["rosidl_runtime_py.utilities"] = StandIn(
-            "rosidl_runtime_py.utilities", get_message=self._interface, get_service=self._interface,
-            get_action=self._interface, get_interface=self._interface,
-        )  # fmt: skip
+        self._modules |= {name: StandIn(name, **own) for name, own in rosidl_modules(self._interface).items()}
         self._modules["roslib.message"] = StandIn("roslib.message", get_message_class=self._interface)
         self._drawing = drawing
         self._draws: set[str] = set()  # files that may draw random numbers, or use old names of NumPy

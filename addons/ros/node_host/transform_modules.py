@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from .graph import Graph
 from .imports import StandIn
 from .message_classes import ROS1, ROS2, Message, made, message_class
 from .node_session import Session
+from .rclpy_executors import Future
+from .rclpy_times import Time
 from .rospy_times import NANOSECONDS, RosTime
 
 
@@ -260,6 +262,8 @@ class Frames:
             t, r = each.transform.translation, each.transform.rotation
             parent, child = each.header.frame_id.strip("/"), each.child_frame_id.strip("/")
             self.graph.transforms[child] = parent, matrix((t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
+        for _, look in list(self.graph.waiting_for_transforms):
+            look()
 
     def stamped(self, target: str, source: str) -> Any:
         """Return the TransformStamped from `source` to `target`."""
@@ -330,31 +334,156 @@ def turned(by: Quaternion, vector: tuple[float, float, float]) -> tuple[float, f
     return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
 
 
+class TransformRegistration:
+    """What moves messages of a type: functions of a message and a TransformStamped."""
+
+    def __init__(self) -> None:
+        self._functions: dict[Any, Any] = {}
+
+    def add(self, key: Any, callback: Any) -> None:
+        self._functions[key] = callback
+
+    def get(self, key: Any) -> Any:
+        return self._functions[key]
+
+    def print_me(self) -> None:
+        print(self._functions)
+
+
+class TransformBuffer:
+    """tf2_ros.Buffer: the newest transforms count, whatever times are asked for; it waits in simulated time."""
+
+    _frames: ClassVar[Frames]
+    registration: ClassVar[Any]
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        self._transforms = self._frames.graph.transforms
+
+    def lookup_transform(self, target_frame: str, source_frame: str, time: Any = None, timeout: Any = None) -> Any:
+        self.can_transform(target_frame, source_frame, time, timeout)
+        return self._frames.stamped(target_frame, source_frame)
+
+    def can_transform(
+        self, target_frame: str, source_frame: str, time: Any = None, timeout: Any = None,
+        return_debug_tuple: bool = False,
+    ) -> Any:  # fmt: skip
+        graph = self._frames.graph
+        until = graph.now + int(getattr(timeout, "nanoseconds", 0))
+        while True:
+            found = self.can_transform_core(target_frame, source_frame)
+            if found[0] or graph.now >= until:
+                return found if return_debug_tuple else found[0]
+            graph.poll(lambda: self.can_transform_core(target_frame, source_frame)[0], until)
+
+    def can_transform_core(self, target_frame: str, source_frame: str, time: Any = None) -> tuple[bool, str]:
+        try:
+            lookup(self._frames.graph, target_frame, source_frame)
+        except TransformException as error:
+            return False, str(error)
+        return True, ""
+
+    def lookup_transform_core(self, target_frame: str, source_frame: str, time: Any = None) -> Any:
+        return self.lookup_transform(target_frame, source_frame)
+
+    def lookup_transform_full(
+        self, target_frame: str, target_time: Any, source_frame: str, source_time: Any, fixed_frame: str,
+        timeout: Any = None,
+    ) -> Any:  # fmt: skip
+        self.lookup_transform(fixed_frame, source_frame, timeout=timeout)
+        return self.lookup_transform(target_frame, source_frame, timeout=timeout)
+
+    def can_transform_full(
+        self, target_frame: str, target_time: Any, source_frame: str, source_time: Any, fixed_frame: str,
+        timeout: Any = None, return_debug_tuple: bool = False,
+    ) -> Any:  # fmt: skip
+        through = self.can_transform(fixed_frame, source_frame, None, timeout, return_debug_tuple=True)
+        found = self.can_transform(target_frame, source_frame, None, timeout, return_debug_tuple=True)
+        found = found if through[0] else through
+        return found if return_debug_tuple else found[0]
+
+    def can_transform_full_core(
+        self, target_frame: str, target_time: Any, source_frame: str, source_time: Any, fixed_frame: str
+    ) -> Any:
+        return self.can_transform_full(target_frame, None, source_frame, None, fixed_frame, return_debug_tuple=True)
+
+    lookup_transform_full_core = lookup_transform_full
+
+    def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Any = None) -> Future:
+        future, waiting = Future(), self._frames.graph.waiting_for_transforms
+
+        def look() -> None:
+            if not future.done() and self.can_transform_core(target_frame, source_frame)[0]:
+                future.set_result(self.lookup_transform(target_frame, source_frame))
+
+        look()
+        waiting[:] = [each for each in waiting if not each[0].done()] + [(future, look)] * (not future.done())
+        return future
+
+    def wait_for_transform_full_async(self, target_frame: str, _: Any, source_frame: str, *__: Any) -> Future:
+        return self.wait_for_transform_async(target_frame, source_frame)
+
+    async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Any = None) -> Any:
+        return await self.wait_for_transform_async(target_frame, source_frame)
+
+    async def lookup_transform_full_async(self, target_frame: str, _: Any, source_frame: str, *__: Any) -> Any:
+        return await self.wait_for_transform_async(target_frame, source_frame)
+
+    def transform(self, object_stamped: Any, target_frame: str, timeout: Any = None, new_type: Any = None) -> Any:
+        found = self.lookup_transform(target_frame, object_stamped.header.frame_id, timeout=timeout)
+        try:
+            move = self.registration.get(type(object_stamped))
+        except KeyError:
+            move = self._frames.moved
+        return move(object_stamped, found)
+
+    def transform_full(
+        self, object_stamped: Any, target_frame: str, target_time: Any, fixed_frame: str, timeout: Any = None,
+        new_type: Any = None,
+    ) -> Any:  # fmt: skip
+        self.lookup_transform(fixed_frame, object_stamped.header.frame_id, timeout=timeout)
+        return self.transform(object_stamped, target_frame, timeout)
+
+    def set_transform(self, transform: Any, authority: str = "") -> None:
+        self._frames.add(transform)
+
+    set_transform_static = set_transform
+
+    def clear(self) -> None:
+        """Forget nothing: each transform comes again with the next tick."""
+
+    def get_latest_common_time(self, target_frame: str, source_frame: str) -> Any:
+        lookup(self._frames.graph, target_frame, source_frame)
+        return Time(nanoseconds=self._frames.graph.now)
+
+    def all_frames_as_string(self) -> str:
+        return "".join(f"Frame {name} exists with parent {parent}.\n" for name, (parent, _) in self._transforms.items())
+
+    def all_frames_as_yaml(self) -> str:
+        now = self._frames.graph.now / NANOSECONDS
+        shown = (
+            f"{name}: \n  parent: '{parent}'\n  broadcaster: 'default_authority'\n  rate: 10000.000\n"
+            f"  most_recent_transform: {now:.6f}\n  oldest_transform: {now:.6f}\n  buffer_length: 0.000\n"
+            for name, (parent, _) in self._transforms.items()
+        )
+        return "".join(shown) or "{}"
+
+    def _allFramesAsDot(self, *_: Any) -> str:  # noqa: N802
+        edges = "".join(f'"{parent}" -> "{name}"[label=""];\n' for name, (parent, _) in self._transforms.items())
+        return f"digraph G {{\n{edges}}}"
+
+    def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
+        return frame_id in self._getFrameStrings()
+
+    def _getFrameStrings(self) -> list[str]:  # noqa: N802
+        return sorted({*self._transforms, *(parent for parent, _ in self._transforms.values())})
+
+
 def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
     """Return the modules of tf2_ros, tf2_geometry_msgs, tf_transformations and tf, for one node."""
     graph, frames = session.graph, Frames(session.graph, flavour)
 
-    class Buffer:
-        def __init__(self, *_: Any, **__: Any) -> None:
-            pass
-
-        def lookup_transform(self, target_frame: str, source_frame: str, time: Any = None, timeout: Any = None) -> Any:
-            return frames.stamped(target_frame, source_frame)
-
-        def can_transform(self, target_frame: str, source_frame: str, *_: Any, **__: Any) -> bool:
-            try:
-                lookup(graph, target_frame, source_frame)
-            except TransformException:
-                return False
-            return True
-
-        def transform(self, object_stamped: Any, target_frame: str, *_: Any, **__: Any) -> Any:
-            return frames.moved(object_stamped, frames.stamped(target_frame, object_stamped.header.frame_id))
-
-        def set_transform(self, transform: Any, authority: str = "") -> None:
-            frames.add(transform)
-
-        set_transform_static = set_transform
+    class Buffer(TransformBuffer):
+        _frames, registration = frames, TransformRegistration()
 
     class TransformListener:
         def __init__(self, *_: Any, **__: Any) -> None:
@@ -391,7 +520,7 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
                 graph.poll(wake=until)
 
         def canTransform(self, target: str, source: str, time: Any = None) -> bool:  # noqa: N802
-            return Buffer().can_transform(target, source)
+            return bool(Buffer().can_transform(target, source))
 
         def transformPose(self, target: str, pose: Any) -> Any:  # noqa: N802
             return Buffer().transform(pose, target)
@@ -408,6 +537,7 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
     members: dict[str, Any] = {
         "Buffer": Buffer, "TransformListener": TransformListener, "TransformBroadcaster": TransformBroadcaster,
         "StaticTransformBroadcaster": TransformBroadcaster, "BufferInterface": Buffer, **exceptions,
+        "TransformRegistration": lambda: Buffer.registration, "BufferCore": Buffer,
     }  # fmt: skip
     geometry: dict[str, Any] = dict.fromkeys(
         ("do_transform_point", "do_transform_pose", "do_transform_vector3"), frames.moved
@@ -427,7 +557,7 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
         ),
         "tf2_geometry_msgs": StandIn("tf2_geometry_msgs", **geometry),
         "tf2_geometry_msgs.tf2_geometry_msgs": StandIn("tf2_geometry_msgs.tf2_geometry_msgs", **geometry),
-        "tf2_py": StandIn("tf2_py", **exceptions),
+        "tf2_py": StandIn("tf2_py", BufferCore=Buffer, **exceptions),
         "tf_transformations": StandIn("tf_transformations", **maths),
     }
     modules["tf_conversions.transformations"] = StandIn("tf_conversions.transformations", **maths)

@@ -289,3 +289,91 @@ self.kind, self.reset = {kind}, self.create_publisher({kind}, {topic!r}, 1)
         warnings.simplefilter("always")
         assert fg.race("oval", planner, time_limit=0.3).car.max_speed_m_s > 0.2
     assert sum("a race has no reset" in str(each.message) for each in said) == told
+
+
+def test_tf2s_buffer_knows_frames_waits_for_them_and_moves_messages(tmp_path):
+    """A frame comes with the third scan; who waits for it gets it then, and a time limit ends in simulated time."""
+    head = """
+from geometry_msgs.msg import PointStamped, TransformStamped
+from rclpy.duration import Duration
+from rclpy.time import Time
+import tf2_ros
+"""
+    init = """
+self.buffer = tf2_ros.Buffer(cache_time=Duration(seconds=10), node=self)
+self.listener, self.sender = tf2_ros.TransformListener(self.buffer, self), tf2_ros.TransformBroadcaster(self)
+self.frame, self.point = TransformStamped(), PointStamped()
+self.frame.header.frame_id, self.frame.child_frame_id, self.frame.transform.translation.x = "base_link", "mast", 0.5
+self.point.header.frame_id, self.point.point.y = "mast", 0.25
+self.future = self.buffer.wait_for_transform_async("base_link", "mast", Time())
+assert "Frame laser exists with parent base_link.\\n" in self.buffer.all_frames_as_string()
+assert "laser: \\n  parent: 'base_link'" in self.buffer.all_frames_as_yaml()
+assert '"base_link" -> "laser"' in self.buffer._allFramesAsDot() and "map" in self.buffer._getFrameStrings()
+self.buffer.clear()
+tf2_ros.TransformRegistration().add(str, lambda text, found: text + found.child_frame_id)
+"""
+    body = """
+b, none = self.buffer, Time()
+if self.calls < 3:
+    assert not b.can_transform("base_link", "mast", none) and not b._frameExists("mast") and not self.future.done()
+    assert not b.can_transform_core("base_link", "mast", none)[0] and not b.can_transform_full(
+        "base_link", none, "mast", none, "map")
+    if self.calls == 2:
+        began = self.get_clock().now()
+        try:
+            b.lookup_transform("base_link", "mast", none, timeout=Duration(seconds=0.06))
+        except tf2_ros.LookupException as error:
+            assert "mast" in str(error) and 0.06 <= (self.get_clock().now() - began).nanoseconds / 1e9 < 0.07
+            self.drive(1.0)
+else:
+    self.sender.sendTransform(self.frame)
+    assert self.future.done() and abs(self.future.result().transform.translation.x - 0.5) < 1e-9
+    for found in (b.lookup_transform_core("base_link", "mast", none),
+                  b.lookup_transform_full("base_link", none, "mast", none, "map", Duration(seconds=1.0))):
+        assert abs(found.transform.translation.x - 0.5) < 1e-9 and found.child_frame_id == "mast"
+    for found in (b.transform(self.point, "base_link"), b.transform_full(self.point, "base_link", none, "map")):
+        assert abs(found.point.x - 0.5) + abs(found.point.y - 0.25) < 1e-9
+    assert b.can_transform("base_link", "mast", none, return_debug_tuple=True) == (True, "")
+    assert abs((b.get_latest_common_time("map", "mast") - self.get_clock().now()).nanoseconds) < 1e6
+    async def later():
+        return (await b.lookup_transform_async("base_link", "mast", none)).transform.translation.x
+    async def both():
+        self.drive(await later() + 1.0)
+    try:
+        both().send(None)
+    except StopIteration:
+        pass
+"""
+    assert speeds(make(node2(tmp_path, body, init, head=head + ROS2)), 6) == [0.0] * 4 + [1.5] * 2
+
+
+def test_messages_are_dictionaries_yaml_and_csv_and_are_filled_from_dictionaries(tmp_path):
+    """As rosidl_runtime_py of Humble writes and reads them."""
+    body = """
+from collections import OrderedDict
+from geometry_msgs.msg import PoseArray
+from rosidl_runtime_py import message_to_ordereddict, set_message_fields
+from rosidl_runtime_py.convert import get_message_slot_types, message_to_csv, message_to_yaml
+from rosidl_runtime_py.utilities import get_message
+out = get_message("ackermann_msgs/msg/AckermannDriveStamped")()
+now = set_message_fields(out, {"header": "auto", "drive": {"speed": 2, "jerk": 0.5}}, expand_header_auto=True)
+now[0](self.get_clock().now().to_msg())
+assert message_to_ordereddict(out)["drive"] == OrderedDict(
+    steering_angle=0.0, steering_angle_velocity=0.0, speed=2.0, acceleration=0.0, jerk=0.5)
+assert message_to_csv(out.drive) == "0.0,0.0,2.0,0.0,0.5" and list(get_message_slot_types(out)) == ["header", "drive"]
+assert message_to_yaml(out.drive).splitlines()[2] == "speed: 2.0" and "sec: 10000" in message_to_yaml(out)
+poses = PoseArray()
+set_message_fields(poses, {"poses": [{"position": {"x": 1.0}}, {}]})
+assert [each.position.x for each in poses.poses] == [1.0, 0.0]
+short = message_to_ordereddict(message, truncate_length=2)["ranges"]
+assert len(short) == 3 and short[-1] == "..." and isinstance(short[0], float)
+assert message_to_ordereddict(message, no_arr=True)["ranges"] == "<sequence type: float, length: 1081>"
+for wrong, kind in (({"sped": 1.0}, AttributeError), ("fast", TypeError), ({"speed": "fast"}, ValueError)):
+    try:
+        set_message_fields(out.drive, wrong)
+    except kind:
+        continue
+    raise AssertionError(wrong)
+self.publisher.publish(out)
+"""
+    assert speeds(make(node2(tmp_path, body)), 1) == [2.0]
