@@ -43,6 +43,7 @@ from fg_mujoco.messages import (
     Odometry,
     Reading,
     require,
+    shown,
 )
 
 from ..perception.intermediate_scans import IntermediateScans, write_debug
@@ -52,7 +53,7 @@ from ..safety.braking_trajectories import trajectories_of
 from ..safety.friction_limiter import FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
 from ..safety.safety_filter import EVASIVE
-from .assist import STAGES, names_in, stages_of
+from .assist import ASSISTS, STAGES, names_in, stages_of
 from .driving import DrivingSettings, driver_record, refer, refer_to_goal
 from .planner_batch import PlannerBatch
 from .planner_settings import for_car, for_method, record_type, record_values
@@ -187,7 +188,24 @@ class Planner(Remade):
             if lacking:
                 accepted = f"accepted: {self.assist}+{'+'.join(lacking)}"
                 raise SettingsError(f"{said} has {name}, which needs {' and '.join(lacking)}; {accepted}")
-        return self.own_stages() | found, "sight" in names
+        return self._checked_own_stages() | found, "sight" in names
+
+    def _checked_own_stages(self) -> dict[str, Stage]:
+        """Return what `own_stages` does.
+
+        Raises:
+          ControllerError: it is no dict of stages, or a name is that of another stage or of an assist.
+        """
+        own: Any = self.own_stages()
+        said, accepted = f"{type(self).__name__}.own_stages() returned", "accepted: a dict of stages by name"
+        if not isinstance(own, Mapping):
+            raise ControllerError(f"{said} {shown(own)}; {accepted}")
+        for name, stage in own.items():
+            if not (isinstance(name, str) and name.isidentifier() and isinstance(stage, Stage)):
+                raise ControllerError(f"{said} {shown(name)}: {shown(stage)}; {accepted}")
+            if name in ASSISTS or (name in STAGES and STAGES.find(name) is not stage):
+                raise ControllerError(f"{said} {name!r}, another name of `assist`; accepted: a name of its own")
+        return dict(own)
 
     @staticmethod
     def read(memory: Any, readings: Mapping[str, Reading]) -> None:

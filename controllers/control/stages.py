@@ -40,12 +40,24 @@ from numpy.typing import NDArray
 
 from fg_mujoco.compiled.array_table import flags, matrix, read_only, rows, table_at, whole_matrix
 from fg_mujoco.compiled.kernels import call_at, kernel
+from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import ODOMETRY
 
 from ..perception.scan_filters import copy_ranges, valid_ranges
 from ..perception.scan_geometry import SCAN_GEOMETRY
 from ..safety.braking_trajectories import TRAJECTORIES
 from .driving import TICK
+
+ARGUMENTS = (
+    "geometry", "ranges", "ranges_without_cars", "ranges_without_movers", "tick", "lines", "trajectories",
+    "stage_state", "command",
+)  # fmt: skip
+"""Arguments of a stage's kernels, in their order."""
+
+PLACES = (
+    "before_reference", "after_reference", "before_guidance", "guide", "after_guidance", "drive", "after_driving",
+)  # fmt: skip
+"""Names of the kernels of a Stage, in the order of their calls."""
 
 NO_MEMORY = np.dtype([("unused", np.int8)])
 """Type of the record of a stage, or of a planner, that keeps nothing."""
@@ -73,6 +85,9 @@ class Stage:
       first: returns the record, shape (1,), with which a Planner begins; None: all zero.
       frictions: coefficients for which the planner needs braking trajectories, in place of the one that it assumes;
         its friction limiter is that of the first.
+
+    Raises:
+      ControllerError: what is called at a place is no kernel of ARGUMENTS.
     """
 
     text: str = ""
@@ -88,6 +103,15 @@ class Stage:
     state_type: np.dtype[np.void] = NO_MEMORY
     first: Callable[[Any], NDArray[np.void]] | None = None
     frictions: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in PLACES:
+            step = getattr(self, name)
+            code = getattr(getattr(step, "py_func", None), "__code__", None)
+            if step is not None and (code is None or code.co_argcount != len(ARGUMENTS)):
+                said = f"Stage.{name} is {getattr(step, '__name__', step)!r}"
+                said += ", which is no kernel" if code is None else f", which takes {code.co_argcount} arguments"
+                raise ControllerError(f"{said}; accepted: a @kernel of ({', '.join(ARGUMENTS)})")
 
     def begin(self, planner: Any) -> NDArray[np.void]:
         """Return the record with which a planner begins. Shape (1,)."""

@@ -176,11 +176,29 @@ def file_of(kind: Any) -> str | None:
 
 def line_of(error: BaseException, file: str | None) -> int | None:
     """Return the innermost line of a file in the traceback of an error, or in numba's message; None: there is none."""
-    if file is not None and _of_numba(error):
-        said = re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', _COLOURS.sub("", _message(error)))
-        return int(said[-1]) if said else None
+    if file is not None and _of_compiler(error):
+        return _line_in_kernel(error, file)
     lines = [frame.lineno for frame in _frames(error, file) if frame.filename == file]
     return lines[-1] if lines else None
+
+
+def _line_in_kernel(error: BaseException, file: str) -> int | None:
+    """Return the line of a file that numba could not compile; None: neither its message nor its frames tell it."""
+    said, text = _COLOURS.sub("", _message(error)), ""
+    lines = re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', said)
+    if lines:
+        return int(lines[-1])
+    frames = (frame for frame, _ in traceback.walk_tb(_traceback(error)) if frame.f_code.co_name == "compile_extra")
+    compiled = (frame.f_locals.get("func") for frame in frames)
+    kernels = [*re.findall(r"<function (\w+) at", said), *(getattr(each, "__name__", "") for each in compiled)]
+    with contextlib.suppress(OSError, UnicodeError):
+        text = Path(file).read_text("utf-8")
+    for kernel in reversed(kernels):
+        if begins := re.search(rf"^[ \t]*def {kernel}\b", text, re.MULTILINE):
+            quoted = re.search(r"'(\w+)'", said)  # the name that is not defined, or the field that there is not
+            used = quoted and re.compile(rf"\b{quoted[1]}\b").search(text, begins.end())
+            return text.count("\n", 0, (used or begins).end()) + 1
+    return None
 
 
 def _frames(error: BaseException, file: str | None) -> list[traceback.FrameSummary]:
@@ -196,8 +214,17 @@ def _frames(error: BaseException, file: str | None) -> list[traceback.FrameSumma
 
 
 def own_traceback(error: BaseException, file: str | None) -> str:
-    """Return the traceback of an error from the first frame in a planner's file on; where none is in it, all of it."""
+    """Return the traceback of an error from the first frame in a planner's file on; where none is in it, all of it.
+
+    Of numba's a hundred lines those are left out that are not of the planner's file.
+    """
     frames = _frames(error, file)
+    if _of_compiler(error):
+        own = [frame for frame in frames if frame.filename == file]
+        line = line_of(error, file)
+        own += [] if file is None or line is None else [traceback.FrameSummary(file, line, "a kernel")]
+        left = "(numba's other lines are left out; race --traceback prints them)\n"
+        return "".join(["Traceback of the planner:\n", *traceback.format_list(own), one_line(error), "\n", left])
     first = next((i for i, frame in enumerate(frames) if frame.filename == file), 0)
     try:
         ends = _bounded("".join(traceback.format_exception_only(error)))
@@ -242,6 +269,12 @@ def _definition(kind: Any, file: str | None) -> int | None:
 def _of_numba(error: BaseException) -> bool:
     """Return whether numba could not compile something."""
     return str(type.__dict__["__module__"].__get__(type(error))).startswith("numba.")
+
+
+def _of_compiler(error: BaseException) -> bool:
+    """Return whether an error was raised while numba compiled something; it may be of any class."""
+    folder = f"{os.sep}numba{os.sep}core{os.sep}"
+    return _of_numba(error) or any(folder in frame.filename for frame in traceback.extract_tb(_traceback(error)))
 
 
 def _traceback(error: BaseException) -> TracebackType | None:

@@ -2,6 +2,7 @@
 
 import copy
 import math
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -171,6 +172,23 @@ def creep(
 ):
     stage_state.ticks += 1
     command[1] = min(command[1], 0.5)
+
+
+@each(
+    ("made", "said"),
+    [
+        (lambda: None, "own_stages() returned None; accepted: a dict of stages by name"),
+        (lambda: {"creep": creep}, "own_stages() returned 'creep': "),
+        (lambda: {"my stage": Stage()}, "own_stages() returned 'my stage': "),
+        (lambda: {"sight": Stage(after_driving=creep)}, "returned 'sight', another name of `assist`"),
+        (lambda: {"creep": Stage(after_driving=kernel(lambda command: None))}, "which takes 1 arguments; accepted"),
+        (lambda: {"creep": Stage(guide=creep.py_func)}, "Stage.guide is 'creep', which is no kernel; accepted"),
+    ],
+)
+def test_own_stages_that_are_none_are_refused(made, said):
+    own = type("Own", (GapFinder,), {"own_stages": lambda self: made()})
+    with pytest.raises(ControllerError, match=re.escape(said)):
+        own(CAR, MU)
 
 
 def test_a_registered_stage_changes_the_command_and_keeps_its_memory_until_a_reset(monkeypatch):

@@ -12,9 +12,9 @@ from fg_mujoco.racing.setup import Setup
 
 PLANNER = """import numpy as np
 import fg_mujoco as fg
+from fg_mujoco.compiled.kernels import kernel; from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.planner import GoalPlanner
-from fg_mujoco.controllers.gap_finder import GapFinderSettings
-
+from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 class Late:
     def reset(self):
         pass
@@ -54,6 +54,26 @@ class Typo(GoalPlanner):
     @staticmethod
     def goal(geometry, ranges, car, settings, debug):
         return ranges.angle, 1.0  # line 44
+
+
+@kernel
+def creep(a, b, c, d, tick, f, g, h, command):
+    command[1] = undefined_name  # line 49
+
+
+@kernel
+def crawl(a, b, c, d, tick, f, g, h, command):
+    command[1] = tick.no_such_field  # line 54
+
+
+class Name(GapFinder):
+    def own_stages(self):
+        return {"creep": Stage(after_driving=creep)}
+
+
+class Field(GapFinder):
+    def own_stages(self):
+        return {"crawl": Stage(after_driving=crawl)}
 """
 
 
@@ -121,6 +141,22 @@ def test_the_line_in_a_compiled_goal_is_told():
     typo = failing("Typo").car.planner_failure
     assert typo.line == 44 and typo.error.startswith("TypingError: Unknown attribute 'angle'")
     assert "\x1b" not in typo.error + typo.traceback
+
+
+@pytest.mark.slow
+@each(
+    ("name", "line", "said"),
+    (
+        ("Name", 49, "TypingError: NameError: name 'undefined_name' is not defined"),
+        ("Field", 54, "KeyError: 'no_such_field'"),
+    ),
+)
+def test_a_stage_that_does_not_compile_is_told_in_five_lines_without_those_of_numba(name, line, said):
+    failure = failing(name).car.planner_failure
+    assert (failure.error, failure.file, failure.line) == (said, "mine.py", line)
+    assert failure.traceback.splitlines()[1:4:2] == [f'  File "mine.py", line {line}, in a kernel', said]
+    assert len(failure.traceback.splitlines()) == 5 and "numba/core" not in failure.traceback
+    assert len(failure.whole_traceback.splitlines()) > 50
 
 
 @each(
