@@ -6,7 +6,7 @@
 | --- | --- | --- |
 | steering | AckermannDriveStamped; else the VESC's commands; else JointState of the joint "steering" | /drive |
 | wheel speed | JointState of the rear wheels' joints; else the twist of an Odometry; else the VESC's motor | /odom |
-| yaw rate | sensor_msgs/Imu; else the twist of an Odometry | /imu |
+| yaw rate | sensor_msgs/Imu with a gyro; else the twist of an Odometry | /imu |
 | acceleration | sensor_msgs/Imu, taken to be in the centre of gravity | /imu |
 | pose | geometry_msgs/PoseStamped or PoseWithCovarianceStamped; else the pose of an Odometry | /odom |
 
@@ -34,7 +34,7 @@ from fg_mujoco.addons.ros.bag_messages import (
     WHEEL_JOINTS,
     stamp_of,
 )
-from fg_mujoco.addons.ros.bag_reader import POSES, Clock, pose_of
+from fg_mujoco.addons.ros.bag_reader import POSES, Clock, measured, pose_of
 from fg_mujoco.addons.ros.bag_recording import Recording, Topic
 from fg_mujoco.addons.ros.composed_topics import SPEED_TO_ERPM
 from fg_mujoco.course.files import file_sha256
@@ -57,8 +57,12 @@ ACCEPTED = (
     f"steering by {DRIVE} or {JOINTS}, wheel speed by {JOINTS}, {ODOMETRY} or {MOTOR}, yaw rate by {IMU} or {ODOMETRY}"
     f", and accelerations by {IMU} or poses by {POSE}, {POSE_WITH_COVARIANCE} or {ODOMETRY}"
 )
-_KINDS = (DRIVE, JOINTS, IMU, ODOMETRY, MOTOR)
+_KINDS = (DRIVE, JOINTS, ODOMETRY, MOTOR)
 _OPTIONS = {DRIVE: "--drive-topic", IMU: "--imu-topic", ODOMETRY: "--odom-topic"}
+_NEEDED = {
+    "steering": ("drive", "angle"), "wheel speed": ("wheels", "speed", "motor"), "yaw rate": ("gyro", "turn"),
+    "acceleration or pose": ("acceleration", "pose"),
+}  # fmt: skip
 _REAR = WHEEL_JOINTS[2:]
 
 
@@ -174,25 +178,27 @@ def _channels(
     topics = {
         kind: bag.choose((kind,), wanted=wanted.get(kind), option=_OPTIONS.get(kind)) for kind in _KINDS
     }
+    imus, mounting = bag.choose_imus(wanted=wanted[IMU], option=_OPTIONS[IMU]), bag.mounting_frames()
     poses = _pose_topic(bag, pose_topic, topics[ODOMETRY])
     rows: dict[str, list[tuple[Any, ...]]] = {
         name: [] for name in ("drive", "angle", "wheels", "speed", "motor", "gyro", "turn", "acceleration", "pose")
     }
     clocks: dict[Topic, Clock] = {}
-    for heard in bag.messages({topic for topic in (*topics.values(), poses) if topic is not None}):
+    for heard in bag.messages({topic for topic in (*topics.values(), *imus, poses) if topic is not None}):
         kind, message = heard.topic[0], heard.message
         stamp = stamp_of(message)
         # [ns] a float of the seconds since 1970 would be too coarse
         time = stamp + clocks.setdefault(heard.topic, Clock()).shift(stamp, heard)[0]
         if heard.topic == poses:
             rows["pose"].append((time, *pose_of(message)))
+        if kind == IMU:
+            values = measured(heard, imus, mounting)
+            rows["gyro"] += [(time, values[name][2]) for name in values if name == "angular_velocity"]
+            rows["acceleration"] += [(time, *values[name][:2]) for name in values if name == "linear_acceleration"]
         if heard.topic != topics.get(kind):
             continue
         if kind == DRIVE:
             rows["drive"].append((time, message.drive.steering_angle, message.drive.speed))
-        elif kind == IMU:
-            rows["gyro"].append((time, message.angular_velocity.z))
-            rows["acceleration"].append((time, message.linear_acceleration.x, message.linear_acceleration.y))
         elif kind == ODOMETRY:
             rows["speed"].append((time, message.twist.twist.linear.x))
             rows["turn"].append((time, message.twist.twist.angular.z))
@@ -205,11 +211,7 @@ def _channels(
             rows["wheels"] += [] if turning is None else [(time, car.wheel_radius * sum(turning) / len(turning))]
     # a sensor that failed says NaN
     rows = {name: [row for row in values if not any(map(math.isnan, row[1:]))] for name, values in rows.items()}
-    needed = {
-        "steering": ("drive", "angle"), "wheel speed": ("wheels", "speed", "motor"), "yaw rate": ("gyro", "turn"),
-        "acceleration or pose": ("acceleration", "pose"),
-    }  # fmt: skip
-    for what, names in needed.items():
+    for what, names in _NEEDED.items():
         if not any(len(rows[name]) > 1 for name in names):
             raise BagError(f"{bag.path}: has no {what}: it has {bag.held()}; accepted: {ACCEPTED}")
     first = min(values[0][0] for values in rows.values() if values)

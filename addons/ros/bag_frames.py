@@ -32,6 +32,10 @@ def is_world(name: str) -> bool:
     return plain(name).rsplit("/", 1)[-1] in WORLDS
 
 
+_OPTICAL = np.array(((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)))
+"""Axes of an optical frame on a camera that looks ahead: x to the right, y down, z ahead. Source: REP 103."""
+
+
 class FrameTree:
     """Transforms between frames, the last of each."""
 
@@ -88,6 +92,15 @@ class FrameTree:
                 return way[-1]
         way = self.way(frame, lambda name: name == plain(stated), worlds) if stated else None
         return None if way is None else way[-1]
+
+
+def axes_of(frames: FrameTree, sensor: str) -> FloatArray:
+    """Return the axes of a sensor's frame on the car, (3, 3), a column each; without transforms, by its name."""
+    base = frames.base_of(sensor)
+    found = None if base is None else frames.find(sensor, base, WORLDS)
+    if found is not None:
+        return found[:3, :3]
+    return _OPTICAL if plain(sensor).endswith("optical_frame") else np.eye(3)
 
 
 def matrix(translation: Any, quaternion: Any) -> FloatArray:

@@ -144,6 +144,14 @@ def stamp_of(message: Any) -> int:
     return int(message.header.stamp.sec) * _NANOSECONDS + int(message.header.stamp.nanosec)
 
 
+def measures(imu: Any, quantity: str) -> bool:
+    """Return whether a sensor_msgs/Imu measures its angular_velocity, linear_acceleration or orientation.
+
+    Where it does not, the first number of the covariance is -1. Source: the definition of sensor_msgs/Imu.
+    """
+    return float(getattr(imu, f"{quantity}_covariance")[0]) != -1.0
+
+
 def scan_message(scan: LaserScan, frame: str = LASER_FRAME) -> Any:
     """Return sensor_msgs/LaserScan. Its stamp is that of the first beam, ours that of the last."""
     first = scan.stamp - scan.time_increment * (len(scan.ranges) - 1)

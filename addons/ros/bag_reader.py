@@ -9,8 +9,8 @@ Messages are taken in the order in which they were received. The odometry that a
 - speed: Odometry.twist; else from pose to pose, of PoseStamped, PoseWithCovarianceStamped or the transforms from odom
   or map to the car; else the motor's of the VESC; else the last drive command's; else 0
 - steering angle: JointState of the joint "steering"; else the last drive command's; else 0
-- angular velocity: Imu; else as the speed, from the twist or from pose to pose; else 0
-- linear acceleration: Imu; else gravity alone
+- angular velocity: an Imu with a gyro; else as the speed, from the twist or from pose to pose; else 0
+- linear acceleration: an Imu with an accelerometer; else gravity alone
 - wheel speeds: JointState of the joints "front_left_wheel" and so on; else the speed
 - pose: PoseStamped or PoseWithCovarianceStamped on the map; else Odometry.pose, where its frame is map or the bag has
   the transform from there; else the transforms from map to the car; else NaN
@@ -36,7 +36,7 @@ import numpy as np
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import CarParameters, FloatArray, LaserScan, Odometry
 
-from .bag_frames import FrameTree, flat, is_world, plain, planar
+from .bag_frames import FrameTree, axes_of, flat, is_world, plain, planar
 from .bag_messages import (
     DRIVE,
     IMU,
@@ -51,6 +51,7 @@ from .bag_messages import (
     TRANSFORMS,
     WHEEL_JOINTS,
     heading_of,
+    measures,
     stamp_of,
 )
 from .bag_recording import FIRST_TRANSFORMS, Heard, Recording, Topic
@@ -134,9 +135,9 @@ class ScanBag:
 
     def __iter__(self) -> Iterator[Delivery]:
         """Yield the scans in the order in which they were received."""
-        known = _Known(self._car, self.recording.mounting_frames(), self._odometry, self._has_twist)
+        known = _Known(self._car, self.recording.mounting_frames(), self._odometry, self._has_twist, self._imus)
         faults = ScanFaults(self.recording)
-        wanted = set(self.topics.items()) | self.recording.transform_topics
+        wanted = {*self.topics.items(), *(imu for imu in self._imus if imu)} | self.recording.transform_topics
         clock = Clock()
         refused = False
         try:
@@ -179,7 +180,8 @@ class ScanBag:
         else:
             self._odometry = bag.choose((ODOMETRY,), option="--odom-topic")
         found = [scan, self._odometry, bag.choose((DRIVE,), wanted=drive, option="--drive-topic")]
-        found += [bag.choose((IMU,)), bag.choose((JOINTS,))]
+        self._imus = bag.choose_imus()
+        found += [*self._imus[::-1], bag.choose((JOINTS,))]
         if self._odometry is None or self._odometry[0] not in POSES:
             found.append(bag.choose(POSES, sparse=False))
         if self._odometry is None:
@@ -346,8 +348,14 @@ class ScanFaults:
 class _Known:
     """The last messages received."""
 
-    def __init__(self, car: CarParameters, mounting: FrameTree, odometry: Topic | None, has_twist: bool) -> None:
+    def __init__(
+        self, car: CarParameters, mounting: FrameTree, odometry: Topic | None, has_twist: bool,
+        imus: tuple[Topic | None, Topic | None],
+    ) -> None:  # fmt: skip
         self._car = car
+        self._imus = imus
+        self._measured: dict[str, FloatArray] = {}  # of an IMU, (3,)
+        self._joints: dict[tuple[str, str], float] = {}  # the last of each joint and quantity
         self._last: dict[str, Any] = {}
         self._mounting, self._frames = mounting, FrameTree()
         self._mounts: dict[str, Mount] = {}
@@ -364,6 +372,15 @@ class _Known:
             self._frames.hear(message)
             if self._odometry is None:
                 self._follow_transforms(heard.time)
+            return
+        if kind == IMU:
+            self._measured |= measured(heard, self._imus, self._mounting)
+            return
+        if kind == JOINTS:
+            for quantity in ("position", "velocity"):
+                for name, value in zip(message.name, getattr(message, quantity), strict=False):
+                    if math.isfinite(value):
+                        self._joints[name, quantity] = float(value)
             return
         if heard.topic == self._odometry:
             if kind in (ODOMETRY, *POSES):
@@ -390,7 +407,7 @@ class _Known:
 
     def odometry(self, stamp: float) -> Odometry:
         """Return the odometry of the last messages received."""
-        odometry, imu, drive = (self._last.get(kind) for kind in (ODOMETRY, IMU, DRIVE))
+        odometry, drive = self._last.get(ODOMETRY), self._last.get(DRIVE)
         twist = odometry.twist.twist if odometry is not None and self._has_twist else None
         speed, yaw_rate = self._motion.rates() if self._motion else (0.0, 0.0)
         if twist is not None:
@@ -401,33 +418,24 @@ class _Known:
                 speed = motor.state.speed / SPEED_TO_ERPM
             elif drive is not None:
                 speed = drive.drive.speed
-        steering = self._joint(STEERING_JOINT, "position")
+        steering = self._joints.get((STEERING_JOINT, "position"))
         if steering is None:
             steering = drive.drive.steering_angle if drive is not None else 0.0
-        turning = [self._joint(wheel, "velocity") for wheel in WHEEL_JOINTS]
-        turned = imu.angular_velocity if imu is not None else twist.angular if twist is not None else None
+        turning = [self._joints.get((wheel, "velocity")) for wheel in WHEEL_JOINTS]
+        if twist is not None and math.isfinite(twist.angular.z):
+            yaw_rate = twist.angular.z
         source = self._last.get(self._odometry[0]) if self._odometry is not None else None
         return Odometry(
             stamp=(stamp_of(source) + self._shift) / 1e9 if source is not None else stamp,
             speed=float(speed),
             steering_angle=float(steering),
-            angular_velocity=_vector(turned) if turned is not None else np.array((0.0, 0.0, yaw_rate)),
-            linear_acceleration=(
-                _vector(imu.linear_acceleration) if imu is not None else np.array((0.0, 0.0, self._car.gravity))
-            ),
+            angular_velocity=self._measured.get("angular_velocity", np.array((0.0, 0.0, float(yaw_rate)))),
+            linear_acceleration=self._measured.get("linear_acceleration", np.array((0.0, 0.0, self._car.gravity))),
             wheel_speeds=(
                 np.full(4, float(speed)) if None in turning else np.array(turning, np.float64) * self._car.wheel_radius
             ),
             pose=self._pose(odometry),
         )
-
-    def _joint(self, name: str, quantity: str) -> float | None:
-        """Return a joint's position [rad] or velocity [rad/s], None where it is not said."""
-        joints = self._last.get(JOINTS)
-        if joints is None or name not in joints.name:
-            return None
-        values, index = getattr(joints, quantity), list(joints.name).index(name)
-        return float(values[index]) if index < len(values) else None
 
     def _follow_transforms(self, time: int) -> None:
         """Take where the transforms have the car, where nothing else says how fast it is."""
@@ -486,11 +494,21 @@ class Motion:
         return float(ahead) / seconds, turned / seconds
 
 
+def measured(heard: Heard, imus: tuple[Topic | None, Topic | None], mounting: FrameTree) -> dict[str, FloatArray]:
+    """Return the angular_velocity [rad/s] and the linear_acceleration [m/s^2] of an Imu, (3,), along the car's axes.
+
+    Without what its topic is not read for, what it does not measure, and what is no number.
+    """
+    axes, found = axes_of(mounting, heard.message.header.frame_id), {}
+    for quantity, topic in zip(("angular_velocity", "linear_acceleration"), imus, strict=True):
+        vector = getattr(heard.message, quantity)
+        values = np.array((vector.x, vector.y, vector.z), np.float64)
+        if heard.topic == topic and measures(heard.message, quantity) and np.isfinite(values).all():
+            found[quantity] = axes @ values
+    return found
+
+
 def pose_of(message: Any) -> FloatArray:
     """Return x [m], y [m] and heading [rad] of an Odometry, a PoseStamped or a PoseWithCovarianceStamped."""
     pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
     return np.array((pose.position.x, pose.position.y, heading_of(pose.orientation)))
-
-
-def _vector(vector: Any) -> FloatArray:
-    return np.array((vector.x, vector.y, vector.z), np.float64)

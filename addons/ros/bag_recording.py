@@ -29,7 +29,19 @@ from fg_mujoco.course.files import read_text
 from fg_mujoco.errors import BagError, FgMujocoError
 
 from .bag_frames import FrameTree
-from .bag_messages import DRIVE, MAP_FRAME, MOTOR, ODOMETRY, SCAN, TRANSFORMS, USUAL, require_ros_extra, type_store
+from .bag_messages import (
+    DRIVE,
+    IMU,
+    MAP_FRAME,
+    MOTOR,
+    ODOMETRY,
+    SCAN,
+    TRANSFORMS,
+    USUAL,
+    measures,
+    require_ros_extra,
+    type_store,
+)
 from .bag_scans import mount_of, to_scan
 from .bag_signs import ENOUGH, SignFinder, Signs, turn_round
 from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
@@ -137,6 +149,7 @@ class Recording:
         wanted: str | None = None,
         option: str | None = None,
         sparse: bool = True,
+        measuring: str = "",
     ) -> Topic | None:
         """Return the topic of these types: the one asked for, a usual one, or the only one; None: there is none.
 
@@ -148,6 +161,7 @@ class Recording:
           wanted: the name of the topic that is asked for.
           option: that asks for one. Without it, several are none.
           sparse: whether topics count that have fewer messages than one in two seconds, as goals have.
+          measuring: quantity that an IMU must measure.
 
         Raises:
           BagError: there is none of that name; there are several, and none is usual.
@@ -165,6 +179,8 @@ class Recording:
         if not sparse:
             least = max(2.0, 0.5 * self.span)
             there = [(name, kind) for name, kind in there if self.counts[kind, name] >= least]
+        if measuring:
+            there = [(name, kind) for name, kind in there if self._measures((kind, name), measuring)]
         there = [each for each in there if each[::-1] not in self._composed] or there
         names = ", ".join(name for name, _ in there)
         usual = [(kind, name) for kind in kinds for name in USUAL.get(kind, ()) if (name, kind) in there]
@@ -181,6 +197,20 @@ class Recording:
         if there:
             self.warn(f"has {there[0][1]} on {names}: none of them is read")
         return None
+
+    def choose_imus(self, *, wanted: str | None = None, option: str | None = None) -> tuple[Topic | None, Topic | None]:
+        """Return the topics of the gyro and of the accelerometer, which may be one; arguments as those of `choose`."""
+        gyro = self.choose((IMU,), wanted=wanted, option=option, measuring="angular_velocity")
+        if wanted is not None or (gyro is not None and self._measures(gyro, "linear_acceleration")):
+            return gyro, gyro
+        return gyro, self.choose((IMU,), option=option, measuring="linear_acceleration")
+
+    def _measures(self, topic: Topic, quantity: str) -> bool:
+        """Return whether the first message of an IMU measures a quantity."""
+        found = True
+        with suppress(BagError):  # of messages that cannot be read, which is said where they are
+            found = all(measures(heard.message, quantity) for heard in self._as_recorded({topic}, 1))
+        return found
 
     def messages(self, wanted: Collection[Topic], most: int | None = None) -> Iterator[Heard]:
         """Yield the messages of topics, those of one time in the order in which they were written.

@@ -39,6 +39,7 @@ from .bag_messages import (
     heading_of,
     imu_message,
     joints_message,
+    measures,
     odometry_message,
     stamp_of,
     type_store,
@@ -198,17 +199,19 @@ class _Places:
         self._speed = 0.0
 
     def hear(self, name: str, message: Any, time: int) -> Any:
-        if name == "imu":
+        if name == "imu" and measures(message, "orientation"):
             self._imu = message
         elif name == "speed":
             self._speed = float(message.data)
         if name != "ips" or self._imu is None or not math.isfinite(message.x + message.y + self._speed):
             return None
         half = 0.5 * heading_of(self._imu.orientation)
-        turning = self._imu.angular_velocity
+        turning = np.full(3, math.nan)
+        if measures(self._imu, "angular_velocity"):
+            turning = np.array([getattr(self._imu.angular_velocity, axis) for axis in "xyz"])
         odometry = Odometry(
             stamp=time / 1e9, speed=self._speed, steering_angle=0.0,
-            angular_velocity=np.array((turning.x, turning.y, turning.z)), linear_acceleration=np.zeros(3),
+            angular_velocity=turning, linear_acceleration=np.zeros(3),
             wheel_speeds=np.full(4, self._speed), pose=np.array((message.x, message.y, 2.0 * half)),
         )  # fmt: skip
         made = odometry_message(

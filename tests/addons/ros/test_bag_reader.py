@@ -10,6 +10,7 @@ from bag_worlds import (
     CAR,
     EPOCH,
     SECOND,
+    header,
     make,
     read,
     robot_imu,
@@ -21,7 +22,8 @@ from bag_worlds import (
     write_bag,
 )
 from cases import each
-from fg_mujoco.addons.ros.bag_messages import drive_message
+from fg_mujoco.addons.realcar.bag_drive import read_bag_drive
+from fg_mujoco.addons.ros.bag_messages import WHEEL_JOINTS, drive_message
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import DriveCommand
@@ -94,6 +96,64 @@ def test_imu_and_joints_are_told_where_the_bag_has_them(tmp_path):
     assert odometry.linear_acceleration.tolist() == [1.0, 2.0, 9.0]
     assert (odometry.speed, odometry.steering_angle) == (2.0, 0.125)
     assert odometry.wheel_speeds == pytest.approx(CAR.wheel_radius * np.array([1.0, 2.0, 3.0, 4.0]))
+
+
+def imu_of(time, *, frame="imu", lacks=(), turning=(0.0, 0.0, 0.5), accelerating=(1.0, 0.0, 9.81)):
+    message = robot_imu(time, turning, accelerating)
+    message.header.frame_id = frame
+    for quantity in lacks:
+        setattr(message, f"{quantity}_covariance", np.array([-1.0] + [0.0] * 8))
+    return message
+
+
+GYRO, ACCELEROMETER, ORIENTATION = "angular_velocity", "linear_acceleration", "orientation"
+
+
+@each("imus, yaw_rate, ahead", [
+    ({"/imu": {}}, 0.5, 1.0),
+    ({"/imu": {"lacks": (GYRO,), "turning": (0.0, 0.0, 0.0)}}, 0.25, 1.0),
+    ({"/imu": {"lacks": (ACCELEROMETER,), "accelerating": (7.0, 0.0, 0.0)}}, 0.5, 0.0),
+    ({"/imu": {"lacks": (GYRO, ACCELEROMETER)}}, 0.25, 0.0),  # a compass
+    ({"/camera/accel/sample": {"lacks": (GYRO, ORIENTATION), "turning": (0.0, 0.0, 0.0)},
+      "/camera/gyro/sample": {"lacks": (ACCELEROMETER, ORIENTATION), "accelerating": (0.0, 0.0, 0.0)}}, 0.5, 1.0),
+    ({"/camera/imu": {"frame": "camera_imu_optical_frame", "turning": (0.0, -0.5, 3.0),
+                      "accelerating": (0.0, -9.81, 1.0)}}, 0.5, 1.0),
+    ({"/imu": {"frame": "turned", "turning": (0.0, 0.0, 0.5), "accelerating": (0.0, -1.0, 9.81)}}, 0.5, 1.0),
+    ({"/imu": {"turning": (0.0, 0.0, math.nan)}}, 0.25, 1.0),
+])  # fmt: skip
+def test_of_an_imu_is_read_what_it_measures_along_the_axes_of_the_car(imus, yaw_rate, ahead, tmp_path):
+    left = transforms(EPOCH, ("base_link", "turned", vector(), rotation(yaw=math.pi / 2)))
+    entries = [("/tf_static", EPOCH, left)]
+    for time in ticks(20):
+        entries += [(topic, time, imu_of(time, **options)) for topic, options in imus.items()]
+        command = drive_message(DriveCommand(steering_angle=0.0, speed=2.0), time)
+        pose = robot_odometry(time, x=2.0 * (time - EPOCH) / SECOND, speed=2.0, yaw_rate=0.25)
+        entries += [("/odom", time, pose), ("/drive", time, command), ("/scan", time, robot_scan([1.0], time=time))]
+    bag = write_bag(tmp_path / "bag", entries)
+    odometry = read(bag)[-1].odometry
+    assert (odometry.yaw_rate, odometry.linear_acceleration[0]) == pytest.approx((yaw_rate, ahead))
+    assert odometry.linear_acceleration[2] == pytest.approx(9.81)
+    drive = read_bag_drive(bag)
+    assert np.allclose(drive.yaw_rate.values, yaw_rate)
+    assert drive.acceleration is None if not ahead else np.allclose(drive.acceleration.values[:, 0], ahead)
+
+
+def test_joints_that_come_by_turns_or_without_velocities_are_read_as_far_as_they_say_something(tmp_path):
+    def joints(time, names, position, velocity):
+        values = {"position": np.array(position), "velocity": np.array(velocity, float), "effort": np.empty(0)}
+        return make("sensor_msgs/msg/JointState", header=header(time, ""), name=names, **values)
+
+    wheels = list(WHEEL_JOINTS)
+    for case, velocity in (("/all", [20.0] * 4), ("/none", []), ("/nan", [math.nan] * 4)):
+        entries = []
+        for time in ticks(3):
+            entries += [("/joint_states", time, joints(time, ["steering"], [0.2], [])),
+                        ("/joint_states", time, joints(time, wheels, [math.nan] * 4, velocity)),
+                        ("/odom", time, robot_odometry(time, speed=1.5)),
+                        ("/scan", time, robot_scan([1.0], time=time))]  # fmt: skip
+        odometry = read(write_bag(tmp_path / case[1:], entries))[-1].odometry
+        assert odometry.steering_angle == pytest.approx(0.2)
+        assert odometry.wheel_speeds == pytest.approx(20.0 * CAR.wheel_radius if case == "/all" else 1.5)
 
 
 def test_the_lidar_is_turned_as_the_transforms_say_even_where_they_come_late(tmp_path):
