@@ -2,10 +2,11 @@
 
     python benchmarks/circuits.py --json docs/figures.json [--data ../shared/data] [--workers 2] [--runs DIR]
 
-`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Five groups of
+`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Six groups of
 races are driven, all with the default settings unless the group says otherwise:
 
 - circuits: gap_finder, five laps, on the bundled circuits, on the real ones of `--data` and on random:0 to random:19;
+- baseline: random, which looks at nothing, on the bundled circuits: what the assist drives by itself;
 - planners: every planner, five laps, on the bundled circuits, without `remember`: all of them would drive one line;
 - scenes: every planner in every scene, ten seeds;
 - speeds: every planner in two scenes at six greatest speeds, five seeds;
@@ -81,6 +82,7 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
     scenes = successes(group("scenes", track=[f"scene:{name}" for name in fg.scene_names()], seed=range(10)))
     return {
         "circuits": by_controller(circuits)["gap_finder"],
+        "baseline": by_controller(group("baseline", ["random"], track=BUNDLED))["random"],
         "planners": by_controller(group("planners", track=BUNDLED, assist="full-remember")),
         "scenes": {name: {scene: speeds["8"] for scene, speeds in found.items()} for name, found in scenes.items()},
         "speeds": successes(group("speeds", track=SPEED_SCENES, max_speed=SPEEDS, seed=range(5))),

@@ -64,19 +64,22 @@ def controllers(figures: dict[str, Any]) -> str:
 
 
 def circuits(figures: dict[str, Any]) -> str:
-    """Return gap_finder's laps of every circuit."""
+    """Return gap_finder's laps of every circuit, and those of the baseline on the bundled ones."""
     rows, found = [], figures["circuits"]
     for name in (*BUNDLED, *REAL, *PUBLISHED):
-        run = found[name]
         label = name.upper() if name in PUBLISHED else name
-        rows.append((label, f"{run['laps_completed']}/5", run["collisions"], _seconds(run["first_lap_s"]),
-                     _seconds(run["best_lap_s"]), f"{run['max_slide_m_s']:.3f}"))  # fmt: skip
+        for planner, runs in (("gap_finder", found), ("random", figures["baseline"])):
+            if name in runs:
+                run = runs[name]
+                rows.append((label, f"`{planner}`, `full`", f"{run['laps_completed']}/5", run["collisions"],
+                             _seconds(run["first_lap_s"]), _seconds(run["best_lap_s"]),
+                             f"{run['max_slide_m_s']:.3f}"))  # fmt: skip
     drawn = [found[f"random:{seed}"] for seed in range(20)]
-    rows.append(("random:0 to random:19", f"{sum(run['laps_completed'] for run in drawn)}/100",
+    rows.append(("random:0 to random:19", "`gap_finder`, `full`", f"{sum(run['laps_completed'] for run in drawn)}/100",
                  sum(run["collisions"] for run in drawn), _range(run["first_lap_s"] for run in drawn),
                  _range(run["best_lap_s"] for run in drawn),
                  f"{max(run['max_slide_m_s'] for run in drawn):.3f}"))  # fmt: skip
-    head = ("circuit", "laps", "crashes", "lap from a standing start [s]", "best of five laps [s]",
+    head = ("circuit", "planner, assist", "laps", "crashes", "lap from a standing start [s]", "best of five laps [s]",
             "greatest slide [m/s]")  # fmt: skip
     return _table(head, rows)
 

@@ -32,6 +32,11 @@ BASE, MAP = "base_link", "map"
 """Frames of points, as in ROS: the LiDAR, the rear axle, both x ahead and y to the left (REP 103), and the map."""
 FRAMES = (LASER, BASE, MAP)
 
+SHOWS_NOTHING = (
+    "The planner shows no values. In a planner of your own, fg.show(name, value) shows a number, points or ranges here."
+)
+"""What the live view and the debug page say then."""
+
 FARTHEST = 1e6
 """[m] Points that are farther, or not finite, are left out."""
 
@@ -41,10 +46,11 @@ _LONGEST_REMARK = 300  # characters
 _MOST_NUMBERS = 8000  # of one value, two a point
 _HEIGHT = 0.08  # [m] above the ground at which values are drawn in the world
 _LINE, _POINT = 0.03, 0.08  # [m] width of a line, size of a point
-_COLOURS = (
-    (213, 94, 0), (0, 114, 178), (204, 61, 153), (0, 140, 105), (181, 137, 0), (120, 94, 240), (46, 160, 214),
-    (160, 72, 32),
+COLOURS = (
+    (204, 61, 153), (139, 90, 43), (140, 140, 0), (0, 95, 95), (215, 190, 20), (110, 40, 90), (240, 140, 160),
+    (120, 200, 60),
 )  # fmt: skip
+"""Of values, by the order of their names: none looks like a thing that the live view or the debug page draws itself."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,7 +192,7 @@ class IntermediateValues:
         if before is None:
             if len(self._kinds) >= _MOST_NAMES:
                 raise SettingsError(f"the planner has shown {_MOST_NAMES} others; accepted: that many names")
-            before = self._kinds[name] = kind, _COLOURS[len(self._kinds) % len(_COLOURS)]
+            before = self._kinds[name] = kind, COLOURS[len(self._kinds) % len(COLOURS)]
         if before[0] != kind:
             raise SettingsError(f"it is of kind {kind}, and was {before[0]} before; accepted: one kind for a name")
         return IntermediateValue(

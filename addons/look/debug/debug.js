@@ -1,4 +1,4 @@
-// Draws one decision after the other: the scan from above, range over bearing, and what held the command.
+// Draws one decision after the other: the scan from above, range over bearing, and which step chose the command.
 "use strict";
 (function () {
   const data = JSON.parse(document.getElementById("report-data").textContent);
@@ -284,7 +284,7 @@
     pen.stroke();
   }
 
-  // ---- the window: speed over time, and a band in the colour of the step that holds it
+  // ---- the window: speed over time, and a band in the colour of the step that chose it
 
   const stripLeft = 42;
   function drawStrip() {
@@ -351,7 +351,7 @@
       pen.strokeStyle = line;
       pen.lineWidth = 1;
       pen.strokeRect(numberLeft, 0.5, width - numberLeft - 4, height - 1);
-      pen.strokeStyle = pen.fillStyle = "#2f7ed8";
+      pen.strokeStyle = pen.fillStyle = ink;
       pen.lineWidth = 1.6;
       for (const [first, end] of runs(values, (value) => value === value)) {
         const points = Array.from({ length: end - first }, (_, i) => [across(first + i), up(values[first + i])]);
@@ -497,7 +497,7 @@
     entry.append(box, swatch(colour), name);
     element("layers").append(entry);
   }
-  for (const [name, colour] of [["command, 0.5 s of it", "#2f7ed8"], ["planner's own", "var(--soft)"], ["motion of guidance", "#a04bd0"],
+  for (const [name, colour] of [["command, for 0.5 s", "#2f7ed8"], ["planner's own", "var(--soft)"], ["motion of guidance", "#a04bd0"],
     ["driven, 0.5 s before and after", data.driven_colour]]) {
     const entry = document.createElement("span"), mark = swatch(colour);
     mark.style.height = "3px";

@@ -22,6 +22,7 @@ from fg_mujoco.simulation.telemetry import recorded_command
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import slides_above
 
+from ..intermediate_values import COLOURS, SHOWS_NOTHING
 from .decisions import Decision, Step
 from .window import Moving, Window
 
@@ -33,13 +34,12 @@ _UNKNOWN = "#8a8f98"
 _LAWS = {
     "maximum speed": "#9aa1ab", "planner": "#2f7ed8", "last plan": "#b06a00", "no plan": "#7a1f2b",
     "mean range": "#59b4e0", "guidance": "#a04bd0",
-    "turning in moves": "#d06bd0", "no reference": "#7a1f2b", "distance ahead": "#b8a200", "after recovery": "#c98a5a",
+    "turning in moves": "#d06bd0", "remembered line": "#0b8f8f",
+    "no reference": "#7a1f2b", "distance ahead": "#b8a200", "after recovery": "#c98a5a",
     "sight": "#e07b00", "plan in time": "#c2178f", "safety filter": "#e0314b", "recovery": "#8a5a2b",
     "friction limiter": "#12a066",
     "clamped by the car": "#3b4252", "the planner failed": "#e0314b", "not known": _UNKNOWN,
 }  # fmt: skip
-_OTHERS = ("#2f7ed8", "#e07b00", "#12a066", "#a04bd0", "#b8a200", "#59b4e0", "#c98a5a", "#d06bd0")
-
 _MISSING = 65535  # of a range that is not a number
 _MOST_MOTION = 60  # points of a motion
 _BUTTONS = (
@@ -54,7 +54,7 @@ _BODY = """<h1>{title}</h1>
 <div class="readout player"><div class="buttons">{buttons}</div>
 <input type="range" id="slider" min="0" max="{last}" value="{at}" aria-label="decision">
 <div id="moment"></div></div>
-<canvas id="strip" aria-label="speed over time, and which step holds it"></canvas>
+<canvas id="strip" aria-label="speed over time, and the step that chose it"></canvas>
 <div id="laws" class="legend"></div>
 <pre id="failure" class="failure" hidden></pre>
 <div class="columns">
@@ -63,11 +63,11 @@ _BODY = """<h1>{title}</h1>
 <div id="layers" class="legend"></div>
 <h2>Range over bearing</h2><canvas id="ranges" aria-label="range over bearing"></canvas></div>
 <div class="grow"><h2>The command, and why</h2><div class="cards">{cards}</div><div id="steps">{steps}</div>
-<p class="note">From the reference down to the command. A value stands in colour where a step changed it, and the last
-step that did so holds it. Steps below the line do not say where to go, but how fast the car gets there.</p>
+<p class="note">From the reference down to the command. A value is in colour if its step changed it; the last such
+step chose it. Steps below the line say how fast the car gets there.</p>
 <h2>How the car moves</h2>{motion}
-<p class="note">Over the ground: of the rear axle, as it is. Odometry: as the wheels turn, which the planner reads. Each
-tire: while this command is held; in colour where it slides.</p></div></div>
+<p class="note">Over the ground: the true speed of the rear axle. Odometry: from the wheels, as the planner reads it.
+Each tire: during this command; in colour if it slides.</p></div></div>
 {numbers}<p class="note">← and → step one decision, with Shift ten; Home, End, space.</p>"""
 
 
@@ -117,11 +117,15 @@ def debug_page(seen: Window, path: Path) -> Path:
 
 
 def _numbers(seen: Window) -> Html | None:
-    """Return the table of the numbers that the planner has shown; None where there are none."""
+    """Return the table of the numbers that the planner has shown; where it has shown nothing, how it can."""
     names = dict.fromkeys(name for decision in seen.decisions for name in decision.numbers)
     rows = [(name, "", element("canvas", class_="over_time", aria_label=f"{name} over time")) for name in names]
     table = Table(header=("name", "value", "over time"), rows=rows).html("numbers")
-    return html("<h2>Values that the planner shows</h2>{table}", table=table) if names else None
+    if names:
+        return html("<h2>Values that the planner shows</h2>{table}", table=table)
+    if any(decision.drawn or decision.colours for decision in seen.decisions):
+        return None
+    return html('<p class="note">{text}</p>', text=SHOWS_NOTHING)
 
 
 def _data(seen: Window) -> dict[str, Any]:
@@ -129,6 +133,7 @@ def _data(seen: Window) -> dict[str, Any]:
     car, scan = seen.run.car, seen.decisions[0].scan
     unit = max(scan.range_max / 60000.0, 1e-3)
     names = list(dict.fromkeys(name for decision in seen.decisions for name in decision.scans))
+    shown = {name: _hex(colour) for decision in seen.decisions for name, colour in decision.colours.items()}
     drawn = [each for decision in seen.decisions for each in decision.drawn]
     laws = list(dict.fromkeys(seen.laws))
     colours = _coloured(laws, _LAWS)
@@ -145,7 +150,7 @@ def _data(seen: Window) -> dict[str, Any]:
         },
         "period": scan.scan_time,
         "top_speed": float(summary["speed_limit_m_s"]),
-        "scans": [[name, colour] for name, colour in _coloured(names, _SCANS).items()],
+        "scans": [[name, colour] for name, colour in _coloured(names, _SCANS | shown).items()],
         "drawn": [[name, _hex(colour)] for name, colour in {each.name: each.colour for each in drawn}.items()],
         "numbers": list(dict.fromkeys(name for decision in seen.decisions for name in decision.numbers)),
         "laws": [[name, colours[name]] for name in laws],
@@ -229,4 +234,4 @@ def _hex(colour: Sequence[int]) -> str:
 def _coloured(names: Sequence[str], known: dict[str, str]) -> dict[str, str]:
     """Return a colour for each name: the known ones, and others in turn."""
     others = [name for name in names if name not in known]
-    return {name: known.get(name) or _OTHERS[others.index(name) % len(_OTHERS)] for name in names}
+    return {name: known.get(name) or _hex(COLOURS[others.index(name) % len(COLOURS)]) for name in names}

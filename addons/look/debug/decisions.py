@@ -77,16 +77,17 @@ class Decision:
     motion: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # (m, 2) [m] that the car is led along
     numbers: dict[str, float] = field(default_factory=dict)  # that the planner has shown, by name
     drawn: tuple[Drawn, ...] = ()  # points and lines that the planner has shown
+    colours: dict[str, tuple[int, int, int]] = field(default_factory=dict)  # of the scans that it has shown, by name
     failure: str = ""  # what the planner raised, and its traceback
 
     @property
     def speed_step(self) -> Step | None:
-        """The step that holds the speed: the last that changed what is wanted; None: nothing is known."""
+        """The step that chose the speed: the last one that changed it; None: not known."""
         return _held(self.steps, lambda step: step.speed)
 
     @property
     def steering_step(self) -> Step | None:
-        """The step that shapes the steering angle: the last that changed what is wanted; None: nothing is known."""
+        """The step that chose the steering angle: the last one that changed it; None: not known."""
         return _held(self.steps, lambda step: step.steering_angle)
 
     def __repr__(self) -> str:
@@ -94,13 +95,13 @@ class Decision:
 
     @property
     def why_speed(self) -> str:
-        """Which step holds the speed, in a sentence."""
+        """The step that chose the speed, in a sentence."""
         command = None if self.command is None else self.command.speed
         return _why(self.speed_step, command, lambda step: step.speed, _in_metres)
 
     @property
     def why_steering(self) -> str:
-        """Which step shapes the steering angle, in a sentence."""
+        """The step that chose the steering angle, in a sentence."""
         command = None if self.command is None else self.command.steering_angle
         return _why(self.steering_step, command, lambda step: step.steering_angle, _in_degrees)
 
@@ -125,12 +126,12 @@ def _why(step: Step | None, command: float | None, value: Callable[[Step], float
     if command is None:
         return "The planner failed: there is no command."
     if step is None:
-        return "What led to the command is not known."
+        return "The steps to the command are not known."
     wanted, given = text(value(step) + 0.0), text(command + 0.0)
     if step.clamps:
-        return f"The planner asked for {given}, which is beyond the car's limits: the car holds {wanted}."
+        return f"The planner asked for {given}, beyond the car's limits: the car gets {wanted}."
     way = "" if wanted == given else f" On the way there the command is {given}."
-    return f"{wanted}, held by {step.name}{f': {step.text}' if step.text else ''}.{way}"
+    return f"{wanted}, chosen by {step.name}{f': {step.text}' if step.text else ''}.{way}"
 
 
 def limited_by_car(command: DriveCommand, car: CarParameters) -> Step | None:
@@ -229,6 +230,7 @@ class Witness:
             tick=tick, time=scan.stamp if failure else odometry.stamp, scan=scan, odometry=odometry,
             pose=odometry.pose, command=command, answer=answer, scans=scans, steps=tuple(steps), goal=goal,
             motion=motion, failure=failure, drawn=tuple(self._drawn(scan, odometry)),
+            colours={name: value.colour for name, value in self._values.now.items() if value.kind == SCAN},
             numbers={name: float(value.array) for name, value in self._values.now.items() if value.kind == NUMBER},
         )  # fmt: skip
 

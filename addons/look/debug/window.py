@@ -76,12 +76,12 @@ class Window:
 
     @property
     def laws(self) -> list[str]:
-        """Name of the step that holds the speed, in each decision."""
+        """Name of the step that chose the speed, in each decision."""
         return [_law(decision) for decision in self.decisions]
 
     @property
     def stretches(self) -> list[tuple[int, int, str]]:
-        """Where one step holds the speed: the first decision, the one behind the last, and the step's name."""
+        """Runs of decisions in which one step chose the speed: first, last + 1, and the step's name."""
         laws = self.laws
         changes = [0, *(i for i in range(1, len(laws)) if laws[i] != laws[i - 1]), len(laws)]
         return [(first, end, laws[first]) for first, end in pairwise(changes)]

@@ -11,21 +11,25 @@ but for the pages of other sites in a browser (`handshake`).
 from __future__ import annotations
 
 import contextlib
+import html
 import importlib.util
 import io
 import socket
 import threading
 import time
 import typing
+import warnings
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from fg_mujoco.errors import EngineError, SettingsError, missing_extra
+from fg_mujoco.simulation.planner_failure import one_line
 from fg_mujoco.simulation.settings import friction_text
 
-from ..intermediate_values import NUMBER
+from ..intermediate_values import NUMBER, SHOWS_NOTHING
 from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view
 from .hand_driver import ARROWS, KEYS, WASD
 from .handshake import own_pages_only
@@ -108,6 +112,7 @@ class LiveView:
         self.url = f"http://{'localhost' if host in ('127.0.0.1', '0.0.0.0', '::1', '::') else host}:{port}"
         self._stop, self._met = threading.Event(), threading.Event()
         self._rate = 1.0  # of simulated to wall time
+        self._colours = dict(LEGEND)  # with the values that the planner has shown
         with self._server.atomic():
             self._scene = LiveScene(self._server.scene, session)
             self._build_knobs()
@@ -141,14 +146,13 @@ class LiveView:
             due += self.session.period / self._rate
             now = time.perf_counter()
             if now - shown >= _FRAME:
-                self.show()
+                self._draw(self.show)
                 shown = now
             if now - texts >= _SLOW_FRAME:
-                self._show_texts()
-                self._scene.show_trace()
+                self._draw(self._show_texts, self._scene.show_trace)
                 texts = now
             if now - plots >= _PLOT_FRAME:
-                self._show_plots()
+                self._draw(self._show_plots)
                 plots = now
             due = max(due, now - 4.0 * self.session.period)  # what could not be caught up with is let go
             self._stop.wait(max(0.0, due - time.perf_counter()))
@@ -159,6 +163,14 @@ class LiveView:
             self._scene.show()
             for client in self._server.get_clients().values():
                 self._aim(client)
+
+    def _draw(self, *parts: Callable[[], None]) -> None:
+        """Draw parts of the page. If viser fails, as it may when a page closes, the race goes on without them."""
+        try:
+            for part in parts:
+                part()
+        except Exception as error:  # viser wakes its thread's asyncio events from this one
+            warnings.warn(f"the live view left out a picture: {one_line(error)}", stacklevel=2)
 
     def _build_knobs(self) -> None:
         gui, session = self._server.gui, self.session
@@ -181,7 +193,7 @@ class LiveView:
             rate = gui.add_slider("time rate", 0.1, 4.0, 0.1, 1.0)
             rate.on_update(lambda event: setattr(self, "_rate", float(event.target.value)))
         with gui.add_folder("colours"):
-            gui.add_html(_legend())
+            self._legend = gui.add_html(_legend(self._colours))
         with gui.add_folder("drive by keys"):
             gui.add_html(_key_help())
             for names in (("left", "faster", "right"), ("slower", "stop")):
@@ -202,7 +214,7 @@ class LiveView:
         from viser import uplot
 
         gui = self._server.gui
-        self._values = gui.add_markdown("", visible=False)
+        self._values = gui.add_markdown(_SHOWS_NOTHING)
         time = uplot.Series(label="t [s]")
         self._speed_plot = gui.add_uplot(
             self._speeds(), (time, uplot.Series(label="speed [m/s]", stroke=_SPEED, width=2),
@@ -297,7 +309,8 @@ class LiveView:
         self._label_pause()
         if session.settings.planner_mu is None:  # the planner knows the tires' mu
             self._planner_mu.value = self._assumed_mu
-        state = "\n\n".join(_plain(text) for text in ("paused" if session.paused else "", session.message) if text)
+        parts = ("paused" if session.paused else "", "a tire slides" if session.slides else "", session.message)
+        state = "\n\n".join(_plain(text) for text in parts if text)
         if session.failure is not None and session.failure.traceback:
             state += f"\n\n```\n{session.failure.traceback}```"
         self._status.content = (
@@ -305,13 +318,18 @@ class LiveView:
             f"limit {'none' if limit > 99.0 else f'{limit:.2f} m/s'}, "
             f"friction utilisation {session.friction_utilisation:.2f}, sliding {session.sliding_speed:.3f} m/s\n\n"
             f"{friction_text(session.world.car.mu, session.settings.assumed_mu)}\n\n"
-            f"lap {session.laps.laps_completed + 1}{best}\n\n{state or 'all is well'}"
+            f"lap {session.laps.laps_completed + 1}{best}\n\n{state or 'no tire slides'}"
         )
         numbers = {name: value for name, value in session.values.now.items() if value.kind == NUMBER}
-        self._values.visible = bool(numbers)
+        drawn = {each.name: each.colour for each in session.drawings() if each.name}
+        if drawn.keys() - self._colours.keys():
+            self._colours |= drawn
+            self._legend.content = _legend(self._colours)
         if numbers:
             rows = "\n".join(f"| {_plain(name)} | {float(value.array):.4g} |" for name, value in numbers.items())
             self._values.content = f"| the planner shows | |\n| --- | --- |\n{rows}"
+        silent = self._values.content == _SHOWS_NOTHING and len(self._colours) == len(LEGEND)
+        self._values.visible = bool(numbers) or silent
 
     def _aim(self, client: Any) -> None:
         view = camera_view(self.session, self._camera.value)
@@ -324,11 +342,14 @@ def _plain(text: str) -> str:
     return "".join(f"&#{ord(letter)};" if letter in _MARKUP else letter for letter in " ".join(text.split()))
 
 
-def _legend() -> str:
+_SHOWS_NOTHING = _plain(SHOWS_NOTHING)
+
+
+def _legend(colours: dict[str, tuple[int, int, int]]) -> str:
     """Return the legend of the scene's colours, as HTML."""
     rows = [
-        f'<div><span style="color:rgb{colour};font-size:1.3em">&#9679;</span> {name}</div>'
-        for name, colour in LEGEND.items()
+        f'<div><span style="color:rgb{colour};font-size:1.3em">&#9679;</span> {html.escape(name)}</div>'
+        for name, colour in colours.items()
     ]
     return f'<div style="margin:0 1em;font-size:0.875em">{"".join(rows)}</div>'
 

@@ -66,7 +66,7 @@ def run_desktop(session: LiveSession) -> None:
                 session.tick()
             if session.message != printed:
                 printed = session.message
-                print(printed or "all is well", file=sys.stderr)
+                print(printed or "the race goes on", file=sys.stderr)
                 if session.failure is not None:
                     print(session.failure.traceback, end="", file=sys.stderr)
             viewer.sync()

@@ -34,6 +34,7 @@ from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.world import LIDAR_PREFIX, World
 from fg_mujoco.vehicle.motion import is_rolled_over
+from fg_mujoco.vehicle.tire_slip import slides_above
 
 from ..intermediate_values import IntermediateValues
 from .hand_driver import HandDriver
@@ -58,7 +59,7 @@ class LiveSession:
       hand: what the keys ask for.
       paused: whether time stands still.
       by_hand: whether the keys drive, and not the planner.
-      message: what happened last; empty where all is well.
+      message: what happened last; empty: nothing.
       failure: how the planner failed, which pauses; None: it has not since the reset or the last change of a knob.
       scan: what the LiDAR sees.
       laps: the lap timer.
@@ -217,6 +218,11 @@ class LiveSession:
         if self._opponents:
             return self._last_in("slide_front_left_m_s")
         return _greatest(self.simulation.slip.sliding_speed)
+
+    @property
+    def slides(self) -> bool:
+        """Whether a tire slid in the last tick."""
+        return self.sliding_speed > slides_above(self.settings.tire_set.model)
 
     def numbers(self) -> dict[str, Any]:
         """Return numbers to plot by name and unit, those that are known, with `laps` and `message`."""

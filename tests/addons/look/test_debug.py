@@ -43,7 +43,7 @@ def test_a_wall_ahead_is_held_by_sight_at_the_speed_from_which_the_car_can_stop(
     by_hand = trajectories.safe_speed(widened, scan.angle_min, scan.angle_increment, 3.0, 0.0)
     assert 3.0 < by_hand < 8.0
     assert (seen.speed_step.name, seen.speed_step.speed) == ("sight", by_hand)
-    assert f"{by_hand:.2f} m/s, held by sight" in seen.why_speed
+    assert f"{by_hand:.2f} m/s, chosen by sight" in seen.why_speed
 
 
 @each("mu", [0.15, 0.3])

@@ -3,6 +3,7 @@
 import math
 import re
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.look.intermediate_values import BASE, FRAMES, LASER, MAP, IntermediateValues, moved
+from fg_mujoco.addons.look.debug import debug_page
+from fg_mujoco.addons.look.intermediate_values import BASE, COLOURS, FRAMES, LASER, MAP, IntermediateValues, moved
+from fg_mujoco.addons.look.live.browser_scene import LEGEND
 from fg_mujoco.simulation.showing import show
 from scan_worlds import CAR, corridor
 from shown_values import SHOWS, file_of_shows
@@ -66,6 +69,14 @@ def test_a_value_is_what_its_shape_says(value, kind, shape):
     assert remarks == []
     assert (now["mine"].kind, now["mine"].array.shape) == (kind, shape)
     assert not now["mine"].array.flags.writeable
+
+
+def test_no_value_has_a_colour_of_what_the_pages_draw_themselves():
+    page = debug_page.__file__
+    drawn = {colour for file in (page, page.replace(".py", ".js").replace("_page", ""))
+             for colour in re.findall('"#([0-9a-f]{6})"', Path(file).read_text("utf-8").split("_LAWS")[0])}  # fmt: skip
+    own = [*LEGEND.values(), *(tuple(bytes.fromhex(colour)) for colour in drawn)]
+    assert len(own) > 9 and min(math.dist(one, other) for one in COLOURS for other in own) > 50
 
 
 @each("value", [None, [], np.empty((0, 2))])

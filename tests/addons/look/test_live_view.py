@@ -1,5 +1,6 @@
 """A race to be watched as it goes: its knobs, without a browser and in one, and what is refused."""
 
+import asyncio
 import contextlib
 import math
 import socket
@@ -46,7 +47,7 @@ def test_planner_that_does_not_know_of_wet_ground_slides_and_one_that_does_holds
     session.change("planner_mu", 1.0489)
     session.reset()
     drive(session, 1.0)
-    assert session.sliding_speed > SLIDING_SPEED
+    assert session.sliding_speed > SLIDING_SPEED and session.slides
 
 
 def test_settings_of_the_planner_can_be_changed_and_bad_ones_are_refused(session):
@@ -238,6 +239,52 @@ def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch)
     with pytest.raises(EngineError, match="version of viser"):
         LiveView(session, port=free)
     assert len(stopped) == 1
+
+
+@each("error", [RuntimeError("deque mutated during iteration"), asyncio.InvalidStateError()])
+def test_a_race_goes_on_where_the_viewer_fails(error, session, free, monkeypatch):
+    """Viser wakes an asyncio event from our thread: while its own removes a page from those that wait, that raises."""
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.addons.look.live.browser_scene import LiveScene
+
+    def fails(scene):
+        monkeypatch.undo()
+        raise error
+
+    with pytest.warns(UserWarning, match="left out a picture"), served(session, free) as view:
+        show = LiveScene.show
+        monkeypatch.setattr(LiveScene, "show", fails)
+        wait_until(lambda: LiveScene.show is show)
+        at = session.simulation.time
+        wait_until(lambda: session.simulation.time > at + 0.2)
+        assert not view._stop.is_set()
+
+
+class Marks:
+    """Steers hard on wet ground, and shows where it looks from 0.1 s on."""
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        if odometry.stamp > 0.1:
+            fg.show("<looks at>", (1.0, 0.0))
+        return fg.DriveCommand(steering_angle=0.4 if odometry.stamp > 1.0 else 0.0, speed=8.0)
+
+
+def test_the_page_says_that_a_tire_slides_how_a_planner_shows_values_and_names_those_that_it_shows(free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.addons.look.live.browser import LiveView
+
+    session = LiveSession(Setup.of(track="oval", controller=Marks(), mu=0.4))
+    with LiveView(session, port=free) as view:
+        view._show_texts()
+        assert "no tire slides" in view._status.content and "fg&#46;show" in view._values.content
+        assert view._values.visible and "looks at" not in view._legend.content
+        drive(session, 1.4)
+        view._show_texts()
+        assert session.slides and "a tire slides" in view._status.content and "well" not in view._status.content
+        assert not view._values.visible and "&lt;looks at&gt;" in view._legend.content
 
 
 def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):
