@@ -345,7 +345,7 @@ def _plain(text: str) -> str:
 _SHOWS_NOTHING = _plain(SHOWS_NOTHING)
 
 
-def _legend(colours: dict[str, tuple[int, int, int]]) -> str:
+def _legend(colours: dict[str, tuple[int, ...]]) -> str:
     """Return the legend of the scene's colours, as HTML."""
     rows = [
         f'<div><span style="color:rgb{colour};font-size:1.3em">&#9679;</span> {html.escape(name)}</div>'
