@@ -12,11 +12,13 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import Field, fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
-from ..errors import FgMujocoError, SettingsError
+from ..errors import FgMujocoError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..racing.entries import Entry
+from ..racing.planners import import_file
 from ..racing.setup import CAR_KEYWORDS, PARTS, Setup
 from ..registry import PARTS as ADDED
 from ..registry import Registry
@@ -63,9 +65,41 @@ def number_or_off(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{error}, or off") from None
 
 
-def name_or_pairs(text: str) -> str | dict[str, Any]:
-    """Read `imu`, or `sensor=imu,rate=100`."""
+_SENSOR_FILE = re.compile(r"(^|(?<=sensor=))([^,=]+\.py)(?::(\w*))?")
+
+
+def sensor(text: str) -> str | dict[str, Any]:
+    """Read `imu`, `path/to/file.py:Class`, or either with settings: `sensor=imu,rate=100`. The file is imported."""
+    try:
+        text = _SENSOR_FILE.sub(lambda found: _registered(Path(found[2]), found[3] or ""), text)
+    except FgMujocoError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
     return pairs(text) if "=" in text else text
+
+
+def _registered(path: Path, name: str) -> str:
+    """Return the name in SENSORS of a sensor's class in a file: that under which the file registers it, or its own.
+
+    Raises:
+      ControllerError: the file does not import.
+      SettingsError: it has no such sensor, or one of a bundled name.
+    """
+    from ..vehicle.sensors import SENSORS, Sensor
+
+    said = f"sensor {str(path)!r}"
+    module = import_file(path, said)
+    own = [each for each in vars(module).values() if isinstance(each, type) and each.__module__ == module.__name__]
+    found = {kind.__name__: kind for kind in own if issubclass(kind, Sensor)}
+    name = next(iter(found)) if len(found) == 1 and not name else name
+    if name not in found:
+        listed = accepted_names(name, found) if found else "accepted: a subclass of Sensor there"
+        raise SettingsError(f"{said} has no {name or 'class named behind it'}; {listed}")
+    there = next((each for each in SENSORS if SENSORS.find(each) is found[name]), None)
+    if there is None and name in SENSORS and SENSORS.find(name).__module__.startswith("fg_mujoco."):
+        raise SettingsError(f"{said} has a class {name}, the name of a bundled sensor; accepted: another name")
+    if there is None:
+        SENSORS[name] = found[name]
+    return there or name
 
 
 GROUPS = ("what is driven", "car", "floor", "sensors", "other cars")
@@ -129,7 +163,7 @@ def _reading(keyword: str, kind: str) -> dict[str, Any]:
 _READ_AS: dict[str, dict[str, Any]] = {
     "planner_mu": {"reads": number_or_off},
     "patches": {"reads": pairs, "action": "append"},
-    "sensors": {"reads": name_or_pairs, "action": "append"},
+    "sensors": {"reads": sensor, "action": "append"},
 }
 _OPTIONS: dict[str, dict[str, Any]] = {
     name: {

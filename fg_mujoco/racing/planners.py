@@ -279,7 +279,7 @@ def find_controller(source: str) -> Any:
     if not class_name and not is_file(path):
         known = accepted_names(source, controller_names(), _FILE)
         raise ControllerError(f"{said}: there is no file {source}; {known}")
-    module = _import_file(path, said)
+    module = import_file(path, said)
     found = getattr(module, class_name, None)
     if inspect.isfunction(found):
         return _planner_of(found, said)
@@ -303,7 +303,7 @@ def only_planner(source: str) -> str:
     """
     if not source.endswith(".py") or not is_file(source):
         return source
-    names = _planners_in(_import_file(Path(source), f"controller {source!r}"))
+    names = _planners_in(import_file(Path(source), f"controller {source!r}"))
     return f"{source}:{names[0]}" if len(names) == 1 else source
 
 
@@ -343,7 +343,12 @@ def _load(point: EntryPoint, said: str) -> Any:
     return found
 
 
-def _import_file(path: Path, origin: str) -> ModuleType:
+def import_file(path: Path, origin: str) -> ModuleType:
+    """Return the module of a user's file, read afresh; `origin` names what is looked for there, in messages.
+
+    Raises:
+      ControllerError: there is no such file, or it does not import; with the line.
+    """
     if not is_file(path):
         raise ControllerError(f"{origin}: there is no file {path}")
     module = ModuleType(f"fg_mujoco_user_{path.stem}")

@@ -24,6 +24,7 @@ from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.motion import drift_odometry
 from ..vehicle.sensors import CarState, Sensor
 from .cars import car_prefix
+from .planner_failure import error_text, file_of
 from .world_batch import CarArrays, Mask
 
 _SAME_TIME = 1e-9  # [s]
@@ -239,7 +240,8 @@ class Sampler:
         try:
             values = np.array(sensor.measure(car), dtype=np.float64)
         except Exception as error:
-            said = f"sensor {sensor.name!r} failed at t = {car.time:.3f} s: {type(error).__name__}: {error}"
+            failed = error_text(error, file_of(type(sensor)))
+            said = f"sensor {sensor.name!r} failed at t = {car.time:.3f} s: {failed}"
             raise SettingsError(f"{said}; accepted: a `measure` that returns numbers") from error
         if values.shape != (self._size,):
             columns = f", {', '.join(sensor.columns)}" if sensor.columns else ""

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,7 @@ from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.sensing import Sampler
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.sensors import SENSORS, Sensor, as_sensors
+from refusals import refused
 
 MIXED = (
     "imu", {"sensor": "pose", "rate": 100, "delay": 0.013, "noise_std": (0.02, 0.02, 0.01)},
@@ -284,6 +286,51 @@ def test_a_sensor_that_measures_something_else_is_refused(constant):
         SENSORS["constant"] = kind
         with pytest.raises(fg.SettingsError, match=f"sensor 'constant' .*{said}"):
             fg.race("oval", laps=1, time_limit=0.1, sensors=["constant"])
+
+
+OWN = """from dataclasses import dataclass
+from fg_mujoco.vehicle.sensors import Sensor
+
+@dataclass(frozen=True, kw_only=True)
+class Fails(Sensor):
+    columns = ("a_m",)
+
+    def measure(self, car):
+        return self.look_up(car)
+
+    def look_up(self, car):
+        return [{False: 1.0}[car.time > 0.099]]  # line 12
+
+@dataclass(frozen=True, kw_only=True)
+class Unmade(Sensor):
+    def __post_init__(self):
+        super().__post_init__()
+        self.gain  # line 18
+
+class imu(Sensor):
+    pass
+"""
+
+
+@each(
+    ("given", "said"),
+    [
+        ("own.py:Fails", "sensor 'Fails' failed at t = 0.100 s: KeyError: True (own.py, line 12)"),
+        ("sensor=own.py:Fails,rate=100", "failed at t = 0.100 s: KeyError: True (own.py, line 12)"),
+        ("own.py:Unmade", "cannot be made: AttributeError: 'Unmade' object has no attribute 'gain' (own.py, line 18)"),
+        ("own.py:imu", "has a class imu, the name of a bundled sensor; accepted: another name"),
+        ("own.py:Fail", "sensor 'own.py' has no Fail; accepted: Fails, Unmade, imu; did you mean 'Fails'?"),
+        ("own.py", "sensor 'own.py' has no class named behind it; accepted: Fails, Unmade, imu"),
+        ("typo.py:Fails", "sensor 'typo.py' does not import: NameError: name 'numpy' is not defined (typo.py, line 2)"),
+        ("none.py:Fails", "sensor 'none.py': there is no file none.py"),
+    ],
+)
+def test_a_sensor_of_a_file_that_fails_is_told_with_its_line(given, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(SENSORS, "_own", dict(SENSORS._own))
+    Path("own.py").write_text(OWN)
+    Path("typo.py").write_text("\nnumpy.pi")
+    assert said in refused(tmp_path, capsys, "race", "--assist", "none", "--laps", "1", "--sensors", given)
 
 
 # -- environments

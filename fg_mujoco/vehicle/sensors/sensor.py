@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
+from traceback import extract_tb
 from typing import Any, ClassVar
 
 import mujoco
@@ -23,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...arguments import explain_class
-from ...errors import SettingsError, accepted_names
+from ...errors import FgMujocoError, SettingsError, accepted_names
 from ...messages import ODOMETRY, FloatArray, require, shown
 from ...registry import Registry
 from ..car import sensor_slice
@@ -210,4 +211,11 @@ def _as_sensor(value: Any, where: str) -> Sensor:
     for name in settings:
         if name not in known:
             raise SettingsError(f"sensor {chosen!r} has no setting {name!r}; {accepted_names(name, known)}")
-    return kind(**settings)
+    try:
+        return kind(**settings)
+    except FgMujocoError:
+        raise
+    except Exception as error:
+        at = extract_tb(error.__traceback__)[-1]
+        said = f"{where}, {chosen!r}, cannot be made: {type(error).__name__}: {error} ({at.filename}, line {at.lineno})"
+        raise SettingsError(said) from error
