@@ -285,7 +285,9 @@ def _compose(
         # cars that do not touch are solved apart, so that each costs as much as if it were alone
         spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     spec.nuserdata = sum(car.nuserdata for car in cars)
-    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step
+    if not any(equality.type == mujoco.mjtEq.mjEQ_TENDON for car in cars for equality in car.equalities):
+        # static geoms are placed once, not every step; MuJoCo lets nothing sleep beside an equality of tendons
+        spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     _add_light(spec, track)
     _add_course(spec, track, obstacles, walls=walls)
     for index, (car, vehicle) in enumerate(zip(cars, vehicles, strict=True)):

@@ -16,6 +16,7 @@ from ..display import brief
 from ..errors import ModelError
 from ..messages import ODOMETRY, CarParameters, DriveCommand, Odometry
 from . import motion as car_motion
+from .steering import response
 from .tires import tires_of
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -87,7 +88,8 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
     wheel_inertias = model.dof_M0[model.jnt_dofadr[spins]]
     effective_mass = mass + float(wheel_inertias.sum()) / wheel_radius**2
-    steering = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering")
+    steering, joints = steering_of(model, prefix)
+    steering_rate, steering_time_constant = response(model, steering, joints)
     drive = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")
     speed_gain = _positive(model.actuator_gainprm[drive, 0], "gain of actuator 'speed'")
     power_limit = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
@@ -106,8 +108,8 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         yaw_inertia=yaw_inertia,
         wheel_radius=wheel_radius,
         wheel_inertia=float(wheel_inertias.mean()),
-        max_steering_angle=float(model.actuator_ctrlrange[steering, 1]),
-        max_steering_rate=float(model.actuator_forcerange[steering, 1]) / _steering_damping(model, prefix),
+        max_steering_angle=float(np.abs(model.actuator_ctrlrange[steering]).min()),
+        max_steering_rate=steering_rate,
         min_speed=float(model.actuator_ctrlrange[drive, 0]),
         max_speed=float(model.actuator_ctrlrange[drive, 1]),
         max_acceleration=float(model.actuator_forcerange[drive, 1]) / effective_mass,
@@ -115,23 +117,21 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         speed_time_constant=effective_mass / speed_gain,
         lidar_offset=float(model.site_pos[lidar_mount, 0]),
         gravity=-float(model.opt.gravity[2]),
-        steering_time_constant=steering_time_constant(model, prefix),
+        steering_time_constant=steering_time_constant,
         command_delay=command_delay(model, prefix),
         **tires_of(model, prefix).for_planners(),
     )
 
 
-def _steering_damping(model: mujoco.MjModel, prefix: str = "") -> float:
-    """Return the damping of all joints that turn with the steering [N m s/rad], one to one in the middle."""
-    steered = ("steering", "front_left_kingpin", "front_right_kingpin")
-    joints = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{joint}") for joint in steered]
-    return _positive(model.dof_damping[model.jnt_dofadr[joints]].sum(), "damping of the steering")
+def steering_of(model: mujoco.MjModel, prefix: str = "") -> tuple[int, tuple[int, int, int]]:
+    """Return the servo of a car's steering, and the joints of the steering, the left and the right kingpin.
 
-
-def steering_time_constant(model: mujoco.MjModel, prefix: str = "") -> float:
-    """Return the time constant of the steering servo of a car [s], below its greatest rate."""
-    servo = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering")
-    return _steering_damping(model, prefix) / _positive(-model.actuator_biasprm[servo, 1], "stiffness of the steering")
+    Raises:
+      ModelError: the model does not hold the car under this prefix.
+    """
+    joint, names = mujoco.mjtObj.mjOBJ_JOINT, ("steering", "front_left_kingpin", "front_right_kingpin")
+    steering, left, right = (element_id(model, joint, f"{prefix}{name}") for name in names)
+    return element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering"), (steering, left, right)
 
 
 def _positive(value: Any, what: str) -> float:

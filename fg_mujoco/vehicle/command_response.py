@@ -20,7 +20,8 @@ import numpy as np
 from ..arguments import explain_class
 from ..errors import ModelError
 from ..messages import FloatArray, require
-from .car import element_id, steering_time_constant
+from .car import steering_of
+from .steering import response
 
 STEERING_MAP, ACCELERATION_MAP = "steering_map", "acceleration_map"
 _PARTS = {STEERING_MAP: "gain, offset [rad]", ACCELERATION_MAP: "gain, gain of negative ones, delay [s]"}
@@ -71,9 +72,9 @@ def command_response(model: mujoco.MjModel) -> CommandResponse:
     found = {name: _values(model, name) for name in _PARTS}
     steering, acceleration = found[STEERING_MAP] or (1.0, 0.0), found[ACCELERATION_MAP] or (1.0, 1.0, 0.0)
     gain, braking, late = acceleration
-    servo = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, "steering")
+    servo, joints = steering_of(model)
     return CommandResponse(
-        steering_gain=steering[0], steering_offset=steering[1], steering_lag=steering_time_constant(model),
+        steering_gain=steering[0], steering_offset=steering[1], steering_lag=response(model, servo, joints)[1],
         steering_delay=float(model.actuator_delay[servo]), acceleration_gain=gain, braking_gain=braking,
         acceleration_delay=late,
     )  # fmt: skip

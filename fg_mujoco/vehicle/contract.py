@@ -23,6 +23,7 @@ from ..messages import CarParameters, FloatArray
 from .bodywork import HULL
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
 from .command_response import command_response
+from .drive_check import engine_faults
 from .tire_slip import TireSlipMeter
 from .vehicle_mjcf import OWN_CAR
 
@@ -131,7 +132,7 @@ def _type_name(kind: Any) -> str:
 
 
 def check_model(model: Any, beams: Beams, where: str) -> None:
-    """Refuse a compiled vehicle that could not be driven: its wheels, its servos, its constants, how it stands.
+    """Refuse a compiled vehicle that cannot be driven: its wheels, its servos, its constants, how it stands.
 
     Front wheels that are not steered as Ackermann's are warned of.
 
@@ -147,7 +148,7 @@ def check_model(model: Any, beams: Beams, where: str) -> None:
         raise ModelError(f"{where}: {model.nv} degrees of freedom; accepted: {_MOST_DOFS} at most")
     try:
         with _no_warnings():
-            faults = list(_drive_faults(model, beams))
+            faults = list(engine_faults(model)) or list(_drive_faults(model, beams))
         if not faults:
             _check_stance(model, where)
             _check_steering(model, car_parameters(model), where)
@@ -175,16 +176,11 @@ def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
         yield "a mass or inertia is not finite; accepted: numbers above 0 [kg, kg m^2]"
         return
     yield from _place_faults(model)
-    names = [model.actuator(index).name for index in range(model.nu)]
-    if names != ["steering", "speed"]:
-        yield f"its actuators are {', '.join(names)}; accepted: steering, speed, in this order"
-    wheel_radius = math.nan
     try:
-        wheel_radius = car_parameters(model).wheel_radius
         _ = Car(model), TireSlipMeter(model), command_response(model)
     except FgMujocoError as error:
         yield str(error)
-    yield from _standing_faults(model, wheel_radius)
+    yield from _standing_faults(model)
     yield from _beam_faults(model, beams)
 
 
@@ -217,12 +213,15 @@ def _place_faults(model: Any) -> Iterator[str]:
             )
 
 
-def _standing_faults(model: Any, wheel_radius: float) -> Iterator[str]:
-    """Yield how a car, as it is drawn, does not stand on its four tires; a radius of NaN [m] is not known."""
+def _standing_faults(model: Any) -> Iterator[str]:
+    """Yield how a car, as it is drawn, does not stand on its four tires, or does not drive all of them."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    ground = model.geom("ground").id
+    ground, shares, undriven = model.geom("ground").id, _drive_shares(model), []
     for wheel in WHEELS:
+        tire = model.geom(f"{wheel}_tire")
+        if not (np.abs(tire.pos) <= _GAP).all():
+            yield f"geom '{wheel}_tire' is {np.linalg.norm(tire.pos):.3g} m from its body's origin; accepted: there"
         gap = mujoco.mj_geomDistance(model, data, model.geom(f"{wheel}_tire").id, ground, 1.0, None)
         if not -_DEPTH <= gap <= _GAP:
             place = f"{1e3 * abs(gap):.3g} mm {'over' if gap > 0.0 else 'in'} the ground"
@@ -231,11 +230,13 @@ def _standing_faults(model: Any, wheel_radius: float) -> Iterator[str]:
                 "in it"
             )
         height = float(data.body(f"{wheel}_wheel").xpos[2] - data.geom("ground").xpos[2])
-        if abs(wheel_radius / height - 1.0) > _RADIUS_TOLERANCE:
-            yield (
-                f"tendon 'drive' makes wheels roll on {wheel_radius:.4g} m, and the middle of {wheel}_wheel is "
-                f"{height:.4g} m over the ground; accepted: coefficients of a quarter of the radius"
-            )
+        if not abs(4.0 * shares[wheel] / height - 1.0) <= _RADIUS_TOLERANCE:
+            undriven.append(f"{wheel}_wheel roll on {4.0 * shares[wheel]:.4g} m, its middle at {height:.4g} m")
+    if undriven:
+        yield (
+            f"tendon 'drive' makes {', '.join(undriven)}; accepted: coefficients of a quarter of the radius, for all "
+            "four wheels"
+        )
     clear = mujoco.mj_geomDistance(model, data, model.geom(HULL).id, ground, 1.0, None)
     if clear <= 0.0:
         yield (
@@ -263,6 +264,14 @@ def _beam_faults(model: Any, beams: Beams) -> Iterator[str]:
             f"geom {name} is in the way of {len(distances)} of the {count} beams of the LiDAR, {min(distances):.3f} "
             "m from it; accepted: below the beams, or transparent (rgba that ends in 0)"
         )
+
+
+def _drive_shares(model: Any) -> dict[str, float]:
+    """Return the coefficient of each wheel's spin in the tendon `drive` [m]; 0 of one that is not in it."""
+    drive = model.tendon("drive").id
+    wraps = range(model.tendon_adr[drive], model.tendon_adr[drive] + model.tendon_num[drive])
+    shares = {model.joint(int(model.wrap_objid[wrap])).name: float(model.wrap_prm[wrap]) for wrap in wraps}
+    return {wheel: shares.get(f"{wheel}_wheel", 0.0) for wheel in WHEELS}
 
 
 def _check_stance(model: Any, where: str) -> None:

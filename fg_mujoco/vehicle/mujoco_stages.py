@@ -90,6 +90,7 @@ class Fields(NamedTuple):
 
     # of mjModel
     dof_damping: int
+    dof_dampingpoly: int
     actuator_gainprm: int
     actuator_biasprm: int
     actuator_delay: int
@@ -111,6 +112,8 @@ class Fields(NamedTuple):
     inverse_diagonal: int
     qfrc_passive: int
     qfrc_smooth: int
+    qfrc_constraint: int
+    qacc: int
     qacc_smooth: int
     actuator_force: int
     actuator_length: int
@@ -120,13 +123,14 @@ class Fields(NamedTuple):
 
 
 _OF_MODEL = (
-    "dof_damping", "actuator_gainprm", "actuator_biasprm", "actuator_delay", "actuator_forcerange", "pair_friction",
+    "dof_damping", "dof_dampingpoly", "actuator_gainprm", "actuator_biasprm", "actuator_delay", "actuator_forcerange",
+    "pair_friction",
 )  # fmt: skip
 _OF_DATA = {
     "inertia": "M", "inertia_factor": "qLD", "inverse_diagonal": "qLDiagInv",
     **{name: name for name in (
         "qpos", "qvel", "ctrl", "userdata", "sensordata", "mocap_pos", "xpos", "xmat", "cdof", "subtree_com",
-        "qfrc_passive", "qfrc_smooth", "qacc_smooth", "actuator_force", "actuator_length",
+        "qfrc_passive", "qfrc_smooth", "qfrc_constraint", "qacc", "qacc_smooth", "actuator_force", "actuator_length",
     )},
 }  # fmt: skip
 _SAMPLE = """

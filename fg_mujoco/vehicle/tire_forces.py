@@ -151,15 +151,66 @@ def damp_inertia(
     """Add to MuJoCo's inertia what takes joint damping implicitly, and keep joints that are put where they belong."""
     entries = len(inertia.columns)
     matrix, damping = stages.vector(data, found.inertia, entries), stages.vector(model, found.dof_damping, dofs)
+    higher, qvel = stages.vector(model, found.dof_dampingpoly, 2 * dofs), stages.vector(data, found.qvel, dofs)
     for dof in range(dofs):
-        matrix[inertia.row_starts[dof] + inertia.row_counts[dof] - 1] += timestep * damping[dof]
+        slope = damping[dof] + _higher_slope(higher[2 * dof], higher[2 * dof + 1], qvel[dof])
+        matrix[inertia.row_starts[dof] + inertia.row_counts[dof] - 1] += timestep * slope
     for car in range(len(gears)):
         gear = gears[car]
         if gear.steered:
             for dof in (gear.steering_dof, gear.kingpin_dof[0], gear.kingpin_dof[1]):
                 matrix[inertia.row_starts[dof] + inertia.row_counts[dof] - 1] += 1.0  # [kg m^2], ten thousand times its
+        elif gear.handed:
+            slope = _servo_slope(model, data, found, gear, dofs)
+            dof = gear.steering_dof
+            matrix[inertia.row_starts[dof] + inertia.row_counts[dof] - 1] += timestep * slope
     stages.factor_inertia(model, data)
     stages.project_constraints(model, data)
+
+
+@kernel
+def _higher_slope(first: float, second: float, rate: float) -> float:
+    """Return what the higher coefficients of a damping add to its slope at a rate."""
+    slope: float = 2.0 * first * abs(rate) + 3.0 * second * rate * rate
+    return slope
+
+
+@kernel
+def _servo_slope(model: int, data: int, found: Fields, gear: Any, dofs: int) -> float:
+    """Return by how much the torque of a steering servo falls with the rate of its joint [N m s/rad]."""
+    own, servo = gear.servo_damping, gear.actuator[0]
+    rate = stages.vector(data, found.qvel, dofs)[gear.steering_dof]
+    slope: float = own[0] + _higher_slope(own[1], own[2], rate)
+    force = stages.vector(data, found.actuator_force, servo + 1)[servo]
+    if gear.force_range[0, 0] < force < gear.force_range[0, 1]:  # a force at its limit does not fall
+        bias = stages.vector(model, found.actuator_biasprm, 10 * servo + 10)[10 * servo + 2]
+        slope -= bias * gear.servo_gear * gear.servo_gear
+    return slope
+
+
+@kernel
+def damp_steering(
+    model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, dofs: int, share: float
+) -> bool:  # fmt: skip
+    """Add to MuJoCo's inertia, `share` [s] times, the damping of the steerings that its stages move; False: none.
+
+    Its `implicitfast` solves constraints without damping, which counts in what moves the state only.
+    """
+    damping, qvel = stages.vector(model, found.dof_damping, dofs), stages.vector(data, found.qvel, dofs)
+    higher, any_handed = stages.vector(model, found.dof_dampingpoly, 2 * dofs), False
+    matrix = stages.vector(data, found.inertia, len(inertia.columns))
+    for car in range(len(gears)):
+        gear = gears[car]
+        if gear.handed:
+            any_handed = True
+            for dof in (gear.steering_dof, gear.kingpin_dof[0], gear.kingpin_dof[1]):
+                slope = damping[dof] + _higher_slope(higher[2 * dof], higher[2 * dof + 1], qvel[dof])
+                if dof == gear.steering_dof:
+                    slope += _servo_slope(model, data, found, gear, dofs)
+                matrix[inertia.row_starts[dof] + inertia.row_counts[dof] - 1] += share * slope
+    if any_handed:
+        stages.factor_inertia(model, data)
+    return any_handed
 
 
 @kernel
@@ -207,8 +258,8 @@ def step_on_tires(
         if gear.first_tire >= 0:
             own = userdata[gear.userdata : gear.userdata + USERDATA * wheels]
             resist_rolling(data, found, tires[gear.first_tire : gear.first_tire + wheels], own, dofs)
-    damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_actuation(model, data)
+    damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_acceleration(model, data)
     kept, qvel = np.empty((count, 5)), stages.vector(data, found.qvel, dofs)
     for car in range(count):
@@ -231,7 +282,14 @@ def step_on_tires(
             if gear.free_dof >= 0:
                 free = gear.free_dof
                 kept[car, 2], kept[car, 3], kept[car, 4] = qvel[free], qvel[free + 1], qvel[free + 5]
-    end_step(model, data, found, dofs, advance, last)
+    if damp_steering(model, data, found, inertia, gears, dofs, -timestep):
+        stages.project_constraints(model, data)
+        end_step(model, data, found, dofs, False, last)
+        if advance:
+            damp_steering(model, data, found, inertia, gears, dofs, timestep)
+            advance_damped(model, data, found, dofs)
+    else:
+        end_step(model, data, found, dofs, advance, last)
     limit_power(model, data, found, gears, dofs, False)
     if advance:
         for car in range(count):
@@ -326,6 +384,18 @@ def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool, las
     if advance:
         stages.check_accelerations(model, data)
         stages.advance(model, data)
+
+
+@kernel
+def advance_damped(model: int, data: int, found: Fields, dofs: int) -> None:
+    """Move the state by all forces, those of constraints too, with the inertia as it is now."""
+    acceleration, smooth = stages.vector(data, found.qacc, dofs), stages.vector(data, found.qfrc_smooth, dofs)
+    constraint = stages.vector(data, found.qfrc_constraint, dofs)
+    for dof in range(dofs):
+        acceleration[dof] = smooth[dof] + constraint[dof]
+    stages.solve_inertia(model, data, acceleration.ctypes.data, acceleration.ctypes.data, 1)
+    stages.check_accelerations(model, data)
+    stages.advance(model, data)
 
 
 @kernel

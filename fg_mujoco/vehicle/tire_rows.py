@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..messages import FloatArray
-from .car import WHEELS, element_id
+from .car import WHEELS, element_id, steering_of
 from .changes import six_digits
+from .steering import ackermann, is_ours, is_plain_servo
 from .tires import LAW_OF, LAWS, NUMBERS, NUMERIC, Tires, tires_of
 from .tires.sets import numbers_of
 
@@ -28,6 +29,9 @@ _LONGEST = (0.35, 0.5)  # [-] of a short step times the fastest rate of the tire
 _MOST_STEPS = 64  # short ones in a physics step
 _MOST_COMMON = 16  # dofs that move more than one wheel, at most
 _FIRST_AXLE = "front"
+_NEVER = -1.0  # [m] margin of a pair that MuJoCo is to leave alone: a tire is never as deep
+_COUPLED = 0.1  # [-] of what a tendon may damp in a physics step, which takes its force of the step's beginning
+_ON_CONTACTS = "or MuJoCo's own tires: a text 'tires' with data 'contact'"
 
 USERDATA = 8
 """Numbers of each tire in `userdata`."""
@@ -82,9 +86,12 @@ GEAR = np.dtype(
         ("commons", np.int64),
         ("common", np.int64, (_MOST_COMMON,)),  # the dofs that move more than one wheel, in order
         ("common_of", np.int64, (_MOST_COMMON, _MOST_COMMON)),  # where the entries of their rows are among them
-        ("steered", np.int64),  # whether the kingpins follow the steering by polynomials, and are put there
+        ("steered", np.int64),  # whether `steer` moves the steering, and the kingpins follow by polynomials
+        ("handed", np.int64),  # whether MuJoCo's stages do; neither: its tires are MuJoCo's contacts, or it is no car
         ("steering_qpos", np.int64),
         ("steering_dof", np.int64),
+        ("servo_damping", np.float64, (3,)),  # [N m s/rad] of its servo, and by the rate and its square; if handed
+        ("servo_gear", np.float64),
         ("steering_damping", np.float64),  # [N m s/rad] of it and its kingpins
         ("steering_inertia", np.float64),  # [kg m^2] likewise
         ("steering_range", np.float64, (2,)),  # [rad] at which its joint ends; infinite: nowhere
@@ -116,6 +123,9 @@ def put_on(spec: Any, tires: Tires) -> Tires:
 
     Returns:
       The tires, with the vehicle's friction where they give none.
+
+    Raises:
+      ModelError: a pair that asks for a contact that tires of ours do not have.
     """
     for name in ("front", "rear"):  # a spec that was written to a file has the tires of then
         numbers = spec.numeric(NUMERIC.format(name))
@@ -125,7 +135,13 @@ def put_on(spec: Any, tires: Tires) -> Tires:
     if tires.is_contact:
         return tires
     found = [wheel for wheel in WHEELS if spec.pair(f"{wheel}_tire") is not None]
-    tires = tires.on(float(spec.pair(f"{found[0]}_tire").friction[0]))
+    frictions: list[float] = []
+    for name in ("front", "rear"):
+        own = {_plain_friction(spec, wheel) for wheel in found if wheel.startswith(name)}
+        if len(own) > 1:
+            raise ModelError(f"the {name} tires have friction {min(own):g} and {max(own):g}; accepted: one of both")
+        frictions += own
+    tires = tires.on(*frictions)
     spec.nuserdata = USERDATA * len(found)
     for name, axle in zip(("front", "rear"), tires.axles, strict=True):
         numbers = [six_digits(value) for value in numbers_of(axle, tires.model)]
@@ -137,15 +153,29 @@ def put_on(spec: Any, tires: Tires) -> Tires:
     return tires
 
 
+def _plain_friction(spec: Any, wheel: str) -> float:
+    """Return the friction of a wheel's pair, which is the same in all directions."""
+    pair = spec.pair(f"{wheel}_tire")
+    along, across = pair.friction[:2]
+    if pair.condim != 3 or along != across:
+        raise ModelError(
+            f"pair '{wheel}_tire' has condim {pair.condim} and friction {along:g} {across:g}; accepted: condim 3 and "
+            f"one friction for both directions, {_ON_CONTACTS}"
+        )
+    return float(along)
+
+
 def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> TireRows:
     """Return the rows of TIRE of a car in a compiled model, in the order of its wheels; none for the model `contact`.
 
     Raises:
-      ModelError: the model does not hold the car under this prefix, or a wheel hangs on too many joints.
+      ModelError: the model does not hold the car under this prefix, a wheel hangs on too many joints, or the model
+        says of a tire or a tendon what our steps do not obey.
     """
     tires = tires_of(model, prefix)
     if tires.is_contact:
         return np.zeros(0, TIRE)
+    _require_plain_contact(model, prefix, wheels)
     rows, law = np.zeros(len(wheels), TIRE), LAW_OF[tires.model]
     common = _common(model, prefix, wheels)
     for row, wheel in zip(rows, wheels, strict=True):
@@ -164,6 +194,34 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
         row["damping"] = six_digits(2.0 * _DAMPING_RATIO * math.sqrt(stiffness * _spinning_mass(model, row)))
     rows.flags.writeable = False
     return rows
+
+
+def _require_plain_contact(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> None:
+    """Refuse what a model says of tires and tendons that our steps do not obey."""
+    for wheel in wheels:
+        pair = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire")
+        for name in ("margin", "gap", "adhesion") if pair >= 0 else ():
+            value = float(getattr(model, f"pair_{name}")[pair])
+            if value != 0.0 and value != _NEVER:
+                raise ModelError(f"pair '{wheel}_tire' has {name} {value:g}; accepted: 0, {_ON_CONTACTS}")
+    most = _COUPLED / float(model.opt.timestep)
+    for tendon in range(model.ntendon):
+        if not (rate := _damped_by(model, tendon)) <= most:
+            name = model.tendon(tendon).name.removeprefix(prefix)
+            raise ModelError(
+                f"tendon {name!r} damps its joints at {rate:.4g} /s; accepted: up to {most:.4g} /s, {_ON_CONTACTS}"
+            )
+
+
+def _damped_by(model: mujoco.MjModel, tendon: int) -> float:
+    """Return how fast a tendon with its servo damps the joints that it is fixed to, at a rate of 1 [1/s]."""
+    damping, servo = model.tendon_damping[tendon] + model.tendon_dampingpoly[tendon].sum(), model.tendon_actuatorid
+    if servo[tendon] >= 0:
+        damping += model.actuator_damping[servo[tendon]] + model.actuator_dampingpoly[servo[tendon]].sum()
+    wraps = range(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
+    fixed = [wrap for wrap in wraps if model.wrap_type[wrap] == mujoco.mjtWrap.mjWRAP_JOINT]
+    inertia = model.dof_M0[model.jnt_dofadr[model.wrap_objid[fixed]]]
+    return float(damping * (model.wrap_prm[fixed] ** 2 / inertia).sum())
 
 
 def _common(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> list[int]:
@@ -291,43 +349,35 @@ def _find_common(model: mujoco.MjModel, gear: Any, common: Sequence[int]) -> Non
 
 
 def _find_steering(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
-    """Write how the kingpins follow the steering; not `steered` where no equalities of the joints say so."""
-    joint = mujoco.mjtObj.mjOBJ_JOINT
-    steering = element_id(model, joint, f"{prefix}steering")
-    kingpins = [element_id(model, joint, f"{prefix}front_{side}_kingpin") for side in ("left", "right")]
-    found = _ackermann(model, steering, kingpins)
-    if len(found) < 2 or not _is_plain(model, int(gear["actuator"][0]), mujoco.mjtTrn.mjTRN_JOINT):
+    """Write who moves the steering and the kingpins, and what they need for it."""
+    servo, joints = steering_of(model, prefix)
+    dofs = model.jnt_dofadr[list(joints)]
+    gear["steering_qpos"], *gear["kingpin_qpos"] = model.jnt_qposadr[list(joints)]
+    gear["steering_dof"], *gear["kingpin_dof"] = dofs
+    if not is_ours(model, servo, joints):
+        gear["handed"] = 1
+        if model.actuator_trntype[servo] == mujoco.mjtTrn.mjTRN_JOINT:
+            gear["servo_gear"] = model.actuator_gear[model.actuator_outadr[servo], 0]
+            gear["servo_damping"] = model.actuator_damping[servo], *model.actuator_dampingpoly[servo]
         return
-    dofs = model.jnt_dofadr[[steering, *kingpins]]
     gear["steered"] = 1
-    gear["steering_qpos"], gear["steering_dof"] = model.jnt_qposadr[steering], dofs[0]
-    gear["kingpin_qpos"], gear["kingpin_dof"] = model.jnt_qposadr[kingpins], dofs[1:]
     gear["steering_damping"] = model.dof_damping[dofs].sum()
-    limited = bool(model.jnt_limited[steering])
-    gear["steering_range"] = model.jnt_range[steering] if limited else (-np.inf, np.inf)
+    limited = bool(model.jnt_limited[joints[0]])
+    gear["steering_range"] = model.jnt_range[joints[0]] if limited else (-np.inf, np.inf)
     gear["steering_inertia"] = six_digits(float(model.dof_M0[dofs].sum()))  # rounded for the same reason as damping
-    gear["ackermann"] = [model.eq_data[equality, :5] for equality in found]
-
-
-def _ackermann(model: mujoco.MjModel, steering: int, kingpins: Sequence[int]) -> list[int]:
-    """Return the equalities that make the kingpins follow the steering, as many as there are."""
-    joints = mujoco.mjtEq.mjEQ_JOINT
-    return [
-        equality
-        for kingpin in kingpins
-        for equality in range(model.neq)
-        if model.eq_type[equality] == joints
-        and (model.eq_obj1id[equality], model.eq_obj2id[equality]) == (kingpin, steering)
-    ]
+    gear["ackermann"] = [model.eq_data[equality, :5] for equality in ackermann(model, joints)]
 
 
 def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
     """Write which share each wheel has in the drive; not `driven` where the motor acts on anything else."""
     motor = int(gear["actuator"][1])
     spins = gear["spin_dof"].tolist()
-    if not _is_plain(model, motor, mujoco.mjtTrn.mjTRN_TENDON):
+    if not is_plain_servo(model, motor, 1):
         return
     tendon = int(model.actuator_trnid[motor, 0])
+    joints = model.dof_jntid[spins]
+    if model.tendon_actfrclimited[tendon] or model.jnt_actfrclimited[joints].any():
+        return
     wraps = range(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
     if len(wraps) > 4 or any(model.wrap_type[wrap] != mujoco.mjtWrap.mjWRAP_JOINT for wrap in wraps):
         return
@@ -337,17 +387,6 @@ def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
     gear["driven"] = 1
     for dof, share in zip(dofs, model.wrap_prm[wraps.start : wraps.stop].tolist(), strict=True):
         gear["drive_share"][spins.index(dof)] += share
-
-
-def _is_plain(model: mujoco.MjModel, actuator: int, transmission: Any) -> bool:
-    """Return whether an actuator's force is affine in its control, and acts one to one through a transmission."""
-    return bool(
-        model.actuator_trntype[actuator] == transmission
-        and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
-        and model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
-        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
-        and model.actuator_gear[actuator, 0] == 1.0
-    )
 
 
 def no_gear() -> GearRows:
@@ -371,13 +410,11 @@ def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
     for wheel in WHEELS:
         pair = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire")
         if pair >= 0:
-            model.pair_margin[pair] = -1.0  # [m]: never as deep
+            model.pair_margin[pair] = _NEVER
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    joint = mujoco.mjtObj.mjOBJ_JOINT
-    steering = mujoco.mj_name2id(model, joint, f"{prefix}steering")
-    kingpins = [mujoco.mj_name2id(model, joint, f"{prefix}front_{side}_kingpin") for side in ("left", "right")]
-    if min(steering, *kingpins) >= 0 and gear_row(model, prefix)["steered"][0]:
-        model.eq_active0[_ackermann(model, steering, kingpins)] = 0
+    named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}steering") >= 0  # else no car, but wheels
+    if named and gear_row(model, prefix)["steered"][0]:
+        model.eq_active0[ackermann(model, steering_of(model, prefix)[1])] = 0
     return True
 
 

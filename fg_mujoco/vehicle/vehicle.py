@@ -153,7 +153,8 @@ class Vehicle:
         tires = tires or self.tires
         if tires.least_peak is not None and tires.peak is not None:
             return tires.least_peak if mu is None else tires.least_peak * mu / tires.peak
-        return float(self.spec(mu, tires=tires).pair(f"{WHEELS[0]}_tire").friction[0])
+        spec = self.spec(mu, tires=tires)
+        return min(float(spec.pair(f"{wheel}_tire").friction[0]) for wheel in WHEELS)
 
     def spec(
         self, mu: float | None = None, changes: CarChanges | None = None, tires: Tires | None = None
@@ -221,11 +222,16 @@ def _bundled(name: str) -> Vehicle:
 def _checked(name: str, file: str, text: str, folder: Path) -> Vehicle:
     """Return the vehicle of a user's MJCF, which is checked; `folder` is where its files may lie."""
     from .contract import check_model, check_names, hint_at_another
+    from .drive_check import check_drive
 
     where = f"vehicle file {file}"
     check_names(parsed(text, where, hint_at_another), where)
     vehicle = _read(name, file, text, folder)
     check_model(compiled(add_hull(parsed(text, where)), where), vehicle.lidar.beams, where)
+    try:
+        check_drive(vehicle.compile())
+    except (ModelError, mujoco.FatalError) as error:
+        raise ModelError(f"{where}: {' '.join(str(error).split())}") from error
     return vehicle
 
 

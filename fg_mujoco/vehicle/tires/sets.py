@@ -186,15 +186,21 @@ class Tires:
         curves = () if self.is_contact else (c for axle in self.axles for c in (axle.lateral, axle.longitudinal))
         return self.is_contact or any(getattr(curve, "D", 0.0) is None for curve in curves)
 
-    def on(self, friction: float) -> Tires:
-        """Return the set on a vehicle whose MJCF has this friction [-]: with it where the set gives none."""
+    def on(self, front: float, rear: float | None = None) -> Tires:
+        """Return the set on a vehicle whose MJCF has these frictions [-]: with them where the set gives none.
+
+        Args:
+          front: of the tires of the front axle.
+          rear: likewise; None: as in front.
+        """
         if self.is_contact or not self._of_vehicle:
             return self
-        front, rear = (
-            replace(axle, lateral=_rubbed(axle.lateral, friction), longitudinal=_rubbed(axle.longitudinal, friction))
-            for axle in self.axles
-        )
-        return replace(self, front=front, rear=rear)
+        frictions = front, front if rear is None else rear
+        axles = [
+            replace(axle, lateral=_rubbed(axle.lateral, mu), longitudinal=_rubbed(axle.longitudinal, mu))
+            for axle, mu in zip(self.axles, frictions, strict=True)
+        ]
+        return replace(self, front=axles[0], rear=axles[1])
 
     def for_planners(self) -> dict[str, float]:
         """Return the parameters of the tires for planners, as fields of CarParameters; none for Coulomb friction."""

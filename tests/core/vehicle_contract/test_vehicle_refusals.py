@@ -144,7 +144,7 @@ def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, aft
          "rear_left_tire is 19.2 mm over the ground at rest"),
         ([('springref="-0.0040268"', 'springref="0.03"')], "the chassis moves by"),
         ([('stiffness="2000"', 'stiffness="0"'), ('range="-0.010 0.010"', 'range="-0.2 0.2"')], "the chassis moves by"),
-        ([("0.01225", "0.0245")], "tendon 'drive' makes wheels roll on 0.098 m"),
+        ([("0.01225", "0.0245")], "tendon 'drive' makes front_left_wheel roll on 0.098 m"),
         ([('"front_left_carrier" pos="0.3302 0.118 0"', '"front_left_carrier" pos="0.3302 -0.118 0"'),
           ('"front_right_carrier" pos="0.3302 -0.118 0"', '"front_right_carrier" pos="0.3302 0.118 0"')],
          "front_left_wheel is at y = -0.118 m and front_right_wheel at 0.118 m; accepted: y grows to the left"),
@@ -165,6 +165,27 @@ def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, aft
         ([('data="hokuyo_ust10lx.xml"', 'data="velodyne.xml"')],
          "text 'lidar' names 'velodyne.xml'; accepted: a file in its folder, or a bundled one"),
         ([('data="f1tenth_look.xml"', 'data="nowhere.xml"')], "text 'look' names 'nowhere.xml'"),
+        ([('<position name="steering"', '<pid name="steering"')], "actuator 'steering' has 2 inputs; accepted: "),
+        ([('<position name="steering" joint="steering" kp="50"', '<intvelocity name="steering" joint="steering" '
+           'kp="50" actrange="-1 1"')], "actuator 'steering' has dyntype integrator; accepted: none, filter,"),
+        ([("<actuator>", '<actuator><dcmotor name="drag" joint="rear_left_wheel" motorconst=".001" resistance="1" '
+           'input="none"/>')], "its actuators are drag, steering, speed; accepted: steering, speed"),
+        ([('integrator="implicitfast"', 'integrator="discrete"')], "option integrator is discrete; accepted: implicit"),
+        ([('<flag island="disable"/>', '<flag damper="disable"/>')], "option disables flag damper"),
+        ([('<joint joint="front_left_wheel" coef="0.01225"/>', "")], "makes front_left_wheel roll on 0 m"),
+        ([("<tendon>", '<tendon><fixed name="centre" damping="200"><joint joint="front_left_wheel" coef="0.0245"/>'
+           '<joint joint="rear_left_wheel" coef="-0.0245"/></fixed>')], "tendon 'centre' damps its joints at 141"),
+        ([('condim="3" friction="1.0489 1.0489', 'condim="3" margin="0.002" friction="1.0489 1.0489')],
+         "pair 'front_left_tire' has margin 0.002; accepted: 0, or MuJoCo's own tires"),
+        ([('condim="3" friction="1.0489 1.0489', 'condim="3" adhesion="9" friction="1.0489 1.0489')],
+         "pair 'front_left_tire' has adhesion 9"),
+        ([('condim="3" friction="1.0489 1.0489', 'condim="4" friction="1.0489 1.0489')], "has condim 4 and friction"),
+        ([('condim="3" friction="1.0489 1.0489', 'condim="3" friction="1.0489 0.5')], "friction 1.0489 0.5; accepted:"),
+        ([('geom1="rear_left_tire" geom2', 'friction="0.6 0.6 0 0 0" geom1="rear_left_tire" geom2')],
+         "the rear tires have friction 0.6 and 1.0489; accepted: one of both"),
+        ([('<geom name="rear_left_tire" class="tire"', '<geom name="rear_left_tire" pos="0 0.02 0" class="tire"')],
+         "geom 'rear_left_tire' is 0.02 m from its body's origin"),
+        ([('axis="0 1 0"', 'axis="0 -1 0"')], "m/s after 1 s at a command of 1 m/s; accepted: a drive that moves it"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_driven_is_refused(tmp_path, changes, named):

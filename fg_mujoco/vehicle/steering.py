@@ -1,0 +1,191 @@
+"""The steering of a car in a compiled model: who moves it in a physics step, and how its servo answers.
+
+Tires of ours come with a steering of ours (`tire_solve.steer`): a servo of limited force turns an inertia with linear
+damping, and the kingpins follow it by polynomials. A car whose MJCF says anything else of these joints, as a friction,
+a spring or a damping that is not linear, is steered by MuJoCo's own stages, which obey all that an MJCF can say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ..errors import ModelError
+from ..messages import FloatArray
+
+# Fields of joints, their dofs and actuators that our own steps read, or that say nothing of forces and limits. All
+# others, those of later versions of MuJoCo too, must be as MuJoCo has them where a file does not say anything.
+_KNOWN = {
+    "jnt": "actuatorid axis bodyid dofadr group limited margin pos qposadr range solimp solref user",
+    "dof": "M0 Madr armature bodyid damping invweight0 jntid length parentid simplenum solimp solref treeid",
+    "actuator": "acc0 actadr armature biasprm ctrladr ctrllimited ctrlrange delay forcelimited forcerange gainprm "
+    "group history historyadr length0 lengthrange outadr trnid user",
+}
+_PLAIN = """
+<mujoco>
+  <worldbody><body><joint name="hinge"/><geom size=".1"/></body></worldbody>
+  <tendon><fixed name="drive"><joint joint="hinge" coef="1"/></fixed></tendon>
+  <actuator><position joint="hinge"/><velocity tendon="drive"/></actuator>
+</mujoco>
+"""
+_OFF = sum(
+    int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
+    for name in ("CONSTRAINT", "EQUALITY", "SPRING", "DAMPER", "CLAMPCTRL", "ACTUATION")
+)
+_SMALL_STEP = 0.1  # [-] of the greatest angle: a servo answers to it without its greatest force
+_WATCHED = 1.0  # [s] after each command
+_HELD = 1e6  # [kg, kg m^2] of a chassis that does not move
+
+
+@cache
+def _plain_fields(kind: str, like: int) -> dict[str, FloatArray]:
+    """Return what MuJoCo has in the fields of `kind` but those of `_KNOWN`, where a file does not name them."""
+    plain, known = mujoco.MjModel.from_xml_string(_PLAIN), _KNOWN[kind].split()
+    names = [name for name in dir(plain) if name.startswith(f"{kind}_") and name[len(kind) + 1 :] not in known]
+    return {name: np.array(getattr(plain, name)[like]) for name in names}
+
+
+def says_nothing_else(model: mujoco.MjModel, kind: str, indices: Sequence[int], like: int = 0) -> bool:
+    """Return whether all fields of `kind` but those of `_KNOWN` are as in a file that does not name them."""
+    own = list(indices)
+    return all(bool((getattr(model, name)[own] == value).all()) for name, value in _plain_fields(kind, like).items())
+
+
+def is_plain_servo(model: mujoco.MjModel, actuator: int, like: int) -> bool:
+    """Return whether an actuator is a servo of ours: `like` 0 of a joint's position, 1 of a tendon's speed."""
+    on = not int(model.opt.disableflags) & _OFF and not model.opt.disableactuator
+    return bool(on and says_nothing_else(model, "actuator", [actuator], like))
+
+
+def is_ours(model: mujoco.MjModel, servo: int, joints: Sequence[int]) -> bool:
+    """Return whether our own steps know all that a model says of a steering.
+
+    Args:
+      model: compiled.
+      servo: actuator of the steering.
+      joints: of the steering, and of the left and the right kingpin.
+    """
+    equalities, dofs = ackermann(model, joints), model.jnt_dofadr[list(joints)]
+    servo_is_ours = is_plain_servo(model, servo, 0) and model.actuator_trnid[servo, 0] == joints[0]
+    return bool(
+        len(equalities) == 2
+        and all(_is_hard(model, model.eq_solref[equality]) for equality in equalities)
+        and servo_is_ours
+        and model.actuator_forcelimited[servo]
+        and model.actuator_biasprm[servo, 2] == 0.0
+        and says_nothing_else(model, "jnt", joints)
+        and says_nothing_else(model, "dof", dofs)
+        and not model.jnt_limited[list(joints[1:])].any()
+        and not model.qpos0[model.jnt_qposadr[list(joints)]].any()
+        and _ends_hard(model, servo, joints[0])
+        and not _is_tied(model, joints, equalities)
+    )
+
+
+def ackermann(model: mujoco.MjModel, joints: Sequence[int]) -> list[int]:
+    """Return the equalities that make the kingpins follow the steering; `joints` as in `is_ours`."""
+    return [
+        equality
+        for kingpin in joints[1:]
+        for equality in range(model.neq)
+        if model.eq_type[equality] == mujoco.mjtEq.mjEQ_JOINT
+        and (model.eq_obj1id[equality], model.eq_obj2id[equality]) == (kingpin, joints[0])
+    ]
+
+
+def _is_hard(model: mujoco.MjModel, solref: FloatArray) -> bool:
+    """Return whether a constraint gives way for no longer than two physics steps."""
+    steps = 2.0 * float(model.opt.timestep)
+    return bool(solref[0] <= steps if solref[0] > 0.0 else -solref[0] * steps**2 >= 1.0)
+
+
+def _ends_hard(model: mujoco.MjModel, servo: int, steering: int) -> bool:
+    """Return whether the joint of the steering has no end, a hard one, or one that its servo does not reach."""
+    if not model.jnt_limited[steering]:
+        return True
+    (low, high), (least, most) = model.jnt_range[steering], model.actuator_ctrlrange[servo]
+    margin = model.jnt_margin[steering]
+    reached = not model.actuator_ctrllimited[servo] or least < low + margin or most > high - margin
+    return bool(not reached or (margin == 0.0 and _is_hard(model, model.jnt_solref[steering])))
+
+
+def _is_tied(model: mujoco.MjModel, joints: Sequence[int], equalities: Sequence[int]) -> bool:
+    """Return whether a tendon, or an equality besides those given, acts on one of the joints or on what they move."""
+    moved = set(model.jnt_bodyid[list(joints)].tolist())
+    for body in range(model.nbody):  # a parent comes before its children
+        if int(model.body_parentid[body]) in moved:
+            moved.add(body)
+    kinds, wraps = mujoco.mjtObj, mujoco.mjtWrap
+    for equality in set(range(model.neq)) - set(equalities):
+        ends = model.eq_obj1id[equality], model.eq_obj2id[equality]
+        if model.eq_type[equality] == mujoco.mjtEq.mjEQ_JOINT:
+            tied = any(end in joints for end in ends)
+        elif model.eq_objtype[equality] == kinds.mjOBJ_SITE:
+            tied = any(int(model.site_bodyid[end]) in moved for end in ends)
+        else:
+            tied = model.eq_objtype[equality] == kinds.mjOBJ_BODY and any(end in moved for end in ends)
+        if tied and model.eq_active0[equality]:
+            return True
+    objects = model.wrap_objid
+    return any(
+        (kind == wraps.mjWRAP_JOINT and int(objects[wrap]) in joints)
+        or (kind == wraps.mjWRAP_SITE and int(model.site_bodyid[objects[wrap]]) in moved)
+        for wrap, kind in enumerate(model.wrap_type.tolist())
+    )
+
+
+def response(model: mujoco.MjModel, servo: int, joints: Sequence[int]) -> tuple[float, float]:
+    """Return the greatest rate of a steering [rad/s], and the time constant of its servo below that [s], for planners.
+
+    Those of a steering of ours follow from its damping; others are driven by MuJoCo, from lock to lock and by a small
+    step. Arguments are those of `is_ours`.
+
+    Raises:
+      ModelError: a steering that does not turn as it is commanded.
+    """
+    stiffness = -float(model.actuator_biasprm[servo, 1])
+    if not 0.0 < stiffness < np.inf:
+        raise ModelError(f"stiffness of the steering is {stiffness:g}; accepted: a number above 0")
+    damping = float(model.dof_damping[model.jnt_dofadr[list(joints)]].sum())  # they turn one to one in the middle
+    if is_ours(model, servo, joints):
+        if not damping > 0.0:
+            raise ModelError(f"damping of the steering is {damping:g}; accepted: a number above 0")
+        return float(np.abs(model.actuator_forcerange[servo]).min()) / damping, damping / stiffness
+    return _driven(model, servo, joints[0])
+
+
+def _driven(model: mujoco.MjModel, servo: int, steering: int) -> tuple[float, float]:
+    """Return what `response` does of a steering that MuJoCo drives, its chassis held in the air."""
+    alone: Any = copy(model)
+    flags = mujoco.mjtDisableBit
+    alone.opt.disableflags = (int(alone.opt.disableflags) | int(flags.mjDSBL_CONTACT)) & ~int(flags.mjDSBL_EULERDAMP)
+    alone.opt.gravity[:] = 0.0
+    root = int(alone.body_rootid[alone.jnt_bodyid[steering]])
+    alone.dof_armature[alone.body_dofadr[root] :][: alone.body_dofnum[root]] = _HELD
+    timestep, place = float(alone.opt.timestep), int(alone.jnt_qposadr[steering])
+
+    def angles(data: Any, command: float) -> FloatArray:
+        data.ctrl[alone.actuator_ctrladr[servo]], seen = command, [data.qpos[place]]
+        for _ in range(max(round(_WATCHED / timestep), 1)):
+            mujoco.mj_step(alone, data)
+            seen.append(data.qpos[place])
+        return np.array(seen)
+
+    lock, data = float(np.abs(alone.actuator_ctrlrange[servo]).min()), mujoco.MjData(alone)
+    angles(data, -lock)
+    rate = float(np.abs(np.diff(angles(data, lock))).max()) / timestep
+    turned = angles(mujoco.MjData(alone), _SMALL_STEP * lock)
+    turned = (turned - turned[0]) / (turned[-1] - turned[0] or np.nan)
+    after = int(np.argmax(turned >= 1.0 - np.exp(-1.0)))
+    share = (1.0 - np.exp(-1.0) - turned[after - 1]) / (turned[after] - turned[after - 1] or np.nan)
+    time_constant = (after - 1 + share) * timestep - float(alone.actuator_delay[servo])
+    if not (after > 0 and 0.0 < time_constant < np.inf and 0.0 < rate < np.inf):
+        raise ModelError(
+            f"the steering does not turn as it is commanded within {_WATCHED:g} s; accepted: a position servo that does"
+        )
+    return rate, float(time_constant)
