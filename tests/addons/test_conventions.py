@@ -18,6 +18,10 @@ ROOT = Path(__file__).parents[2]
 REP_117 = "addons/ros/test_bag_scans.py::test_readings_that_are_no_distance_are_as_rep_117_has_them"
 FULL_CIRCLE = "addons/ros/test_bag_scans.py::test_a_full_circle_from_0_to_2_pi_is_turned_to_look_ahead"
 THRESHOLD = "core/test_map_file.py::test_free_is_what_is_below_the_threshold"
+SIGNS = (
+    "addons/ros/test_bag_signs.py::"
+    "test_odometry_that_is_negative_forward_is_turned_round_by_what_commands_or_scans_say"
+)
 GREY = "test_grey_of_unknown_ground_that_counts_as_free_is_named_with_the_setting_that_makes_it_a_wall"
 HERE = "addons/test_conventions.py::"
 TESTS = {  # the beginning of a row -> its tests
@@ -32,6 +36,7 @@ TESTS = {  # the beginning of a row -> its tests
     "TUM's": [HERE + "test_a_heading_from_either_axis_is_that_of_the_line"],
     "f1tenth_racetracks": [HERE + "test_a_heading_from_either_axis_is_that_of_the_line"],
     "f1tenth_system": ["addons/ros/test_bag_composed.py::test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes"],
+    "f1tenth/vesc": [SIGNS],
     "ROS 2, QoS": ["addons/servers/test_ros2.py::test_who_comes_and_cannot_match_or_publishes_the_same_is_told"],
     "ROS 2, CDR": [HERE + "test_messages_of_either_byte_order_are_read"],
     "MuJoCo 3.17, materials": ["core/test_lidar.py::test_transparent_geoms_are_invisible_to_both_backends"],
