@@ -45,15 +45,20 @@ from .bag_messages import (
     type_store,
 )
 
-THROTTLE, STEERING = 22.88, 0.5236
-"""[m/s], [rad] at a command of 1. Source: AutoDRIVE, RoboRacer Sim Racing League, technical guide of 2026."""
+THROTTLE, STEERING = 25.25, 0.5236
+"""[m/s] of the wheels, [rad] at a command of 1. Sources: AutoDRIVE-Simulator at bb0c5018, whose wheels turn at 2.5 m/s
+at a throttle of 0.1, as a team of the league measured, and whose drag leaves 22.88 m/s of the 25.25; RoboRacer Sim
+Racing League, technical guide of 2026."""
+RANGE_MIN, RANGE_MAX = 0.06, 10.0
+"""[m] that AutoDRIVE's LiDAR measures; of all else it says inf. Source: the same guide."""
 
 SPEED_TO_ERPM = 4614.0
 """[1/m 1/min s] of the VESC's motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
 
 BATTERY = 12.6
 """[V] of three cells of a LiPo pack, 4.2 V each when charged, which do not empty."""
-_MOTOR_TURNS, _POLE_PAIRS = 3500.0, 2  # [1/min 1/V], of a Velineon 3500, the motor of the class: 3500 kV, four poles
+VOLTS_FOR_SPEED = SPEED_TO_ERPM / 2 / 3500.0
+"""[V s/m] of a Velineon 3500, the motor of the class: 3500 turns a minute and volt, two pairs of poles."""
 _AMBIENT = 25.0  # [deg C] of a motor that never warms
 _TEMPERATURES = ("temperature_pcb", "temp_fet", "temp_motor", "ntc_temp_mos1", "ntc_temp_mos2", "ntc_temp_mos3")
 
@@ -78,9 +83,8 @@ def motor_fields(odometry: Odometry, mass: float) -> dict[str, float]:
     The duty cycle grows with the speed, the motor's current with the force, which is the mass [kg] times the
     acceleration ahead, and the battery gives the power at a constant voltage.
     """
-    volts_for_speed = SPEED_TO_ERPM / _POLE_PAIRS / _MOTOR_TURNS  # [V s/m]
-    duty = min(max(odometry.speed * volts_for_speed / BATTERY, -1.0), 1.0)
-    current = mass * float(odometry.linear_acceleration[0]) / volts_for_speed
+    duty = min(max(odometry.speed * VOLTS_FOR_SPEED / BATTERY, -1.0), 1.0)
+    current = mass * float(odometry.linear_acceleration[0]) / VOLTS_FOR_SPEED
     return {
         "speed": odometry.speed * SPEED_TO_ERPM, "voltage_input": BATTERY, "duty_cycle": duty, "current_motor": current,
         "avg_iq": current, "current_input": duty * current, **dict.fromkeys(_TEMPERATURES, _AMBIENT),

@@ -18,7 +18,7 @@ import numpy as np
 from fg_mujoco.messages import CarParameters
 
 from ..bag_messages import DRIVE_TOPICS
-from ..composed_topics import SPEED_TO_ERPM, STEERING, THROTTLE, VESC, steering_of_servo
+from ..composed_topics import BATTERY, SPEED_TO_ERPM, STEERING, THROTTLE, VOLTS_FOR_SPEED, steering_of_servo
 from .graph import Graph, NodeError, Publication
 
 DRIVE, OPPONENT_DRIVE = "/drive", "/opp_drive"
@@ -27,6 +27,9 @@ _STAMPED, _PLAIN = "ackermann_msgs/AckermannDriveStamped", "ackermann_msgs/Acker
 _TWIST, _TWIST_STAMPED = "geometry_msgs/Twist", "geometry_msgs/TwistStamped"
 _DRIVE_PARAM = "drive_param"
 _AUTODRIVE = re.compile(r"/autodrive/\w+/(throttle|steering)_command")
+_VESC = re.compile(r"(?:/vesc)?/commands/(?:motor/(speed|duty_cycle|current|brake)|servo/position)")
+_MOST_AHEAD = 1.0  # [m/s] of the speed that a motor's current asks for, of the car's
+_GOES_ON = 100_000_000  # [ns] after which a motor's current begins anew
 _MOST_BAD = 10  # commands in a row that are no numbers, of which the first ones hold the last command
 _BRAKES = ("/brake", "/ego_racecar/brake")
 _BRAKE_HOLDS = 200_000_000  # [ns] for which a command on /brake counts, as ackermann_mux of f1tenth_system has it
@@ -53,6 +56,7 @@ class Driving:
         self._graph, self._car, self._said = graph, car, said
         self._last: tuple[float, float] | None = None  # command that was made of numbers
         self._reset_told = False
+        self._of_current = (0.0, 0)  # speed [m/s] that the motor's current has asked for, and when [ns]
         self._bad, self._counted = 0, 0  # commands in a row that were not, and messages when that was found
 
     def topics(self) -> list[Publication]:
@@ -63,7 +67,7 @@ class Driving:
         """
         for kinds in ((_STAMPED, _PLAIN), (), (_DRIVE_PARAM,), (_TWIST, _TWIST_STAMPED)):
             if not kinds:
-                for pattern in (_AUTODRIVE, VESC):
+                for pattern in (_AUTODRIVE, _VESC):
                     pair = self._pair(pattern)
                     if pair:
                         return pair
@@ -89,10 +93,13 @@ class Driving:
                 )
         return []
 
-    def asked(self) -> tuple[float, float] | None:
+    def asked(self, speed: float) -> tuple[float, float] | None:
         """Return the speed [m/s] and the steering angle [rad] last asked for; None: nothing yet.
 
         A command that is no number holds the last one, and a warning says so.
+
+        Args:
+          speed: of the car [m/s], from which a motor's current accelerates it.
 
         Raises:
           NodeError: the tenth such command in a row; several drive topics, see `topics`.
@@ -106,7 +113,7 @@ class Driving:
         if all(message is None for message in messages):
             return None
         if len(topics) == 2:
-            found, wrong = self._of_two(topics, messages), ""
+            found, wrong = self._of_two(topics, messages, speed), ""
             if math.isnan(found[0]) or not math.isfinite(found[1]):
                 data = " and ".join(repr(message.data) for message in messages if message is not None)
                 wrong = f"{data} on {topics[0].topic} and {topics[1].topic}"
@@ -172,7 +179,7 @@ class Driving:
                 return None if wrong else found
         return None
 
-    def _of_two(self, topics: Sequence[Publication], messages: Sequence[Any]) -> tuple[float, float]:
+    def _of_two(self, topics: Sequence[Publication], messages: Sequence[Any], speed: float) -> tuple[float, float]:
         """Return speed and angle of messages of numbers; a message that has not come yet is 0."""
         first, second = (None if message is None else float(message.data) for message in messages)
         if _AUTODRIVE.fullmatch(topics[0].topic):
@@ -180,14 +187,34 @@ class Driving:
             throttle, steering = (float(np.clip(value or 0.0, -1.0, 1.0)) for value in (second, first))
             return throttle * THROTTLE, steering * STEERING
         angle = 0.0 if second is None else steering_of_servo(second)
-        return (first or 0.0) / SPEED_TO_ERPM, angle
+        return self._speed_of_motor(topics[0].topic.rpartition("/")[2], first or 0.0, speed), angle
+
+    def _speed_of_motor(self, mode: str, value: float, speed: float) -> float:
+        """Return the speed [m/s] that a command of the VESC's motor asks for: of a motor without losses."""
+        if mode in ("speed", "duty_cycle"):
+            return value / SPEED_TO_ERPM if mode == "speed" else value * BATTERY / VOLTS_FOR_SPEED
+        (before, at), now = self._of_current, self._graph.now
+        goes_on = now - at < _GOES_ON
+        before = min(max(before, speed - _MOST_AHEAD), speed + _MOST_AHEAD) if goes_on else speed
+        change = value * VOLTS_FOR_SPEED / self._car.mass * ((now - at) / 1e9 if goes_on else 0.0)
+        braked = math.copysign(max(0.0, abs(before) - abs(change)), before)
+        found = braked if mode == "brake" else before + change
+        self._of_current = found if math.isfinite(found) else before, now
+        return found
 
     def _pair(self, pattern: re.Pattern[str]) -> list[Publication]:
-        """Return the publishers of two topics of numbers, by their names; none where one of them is missing."""
+        """Return the publishers of two topics of numbers, by their names; none where one of them is missing.
+
+        Of several topics of a motor the one that was published on last counts.
+        """
         found = self._of(
             lambda each: each.kind._type.startswith("std_msgs/Float") and bool(pattern.fullmatch(each.topic))
         )
-        return [found[topic] for topic in sorted(found)][:2] if len(found) >= 2 else []
+        newest = list(self._graph.newest)
+        motors = [topic for topic in found if "/motor/" in topic]
+        motors.sort(key=lambda topic: newest.index(topic) if topic in newest else -1)
+        names = [*motors[-1:], *sorted(found.keys() - set(motors))]
+        return [found[topic] for topic in names[:2]] if len(names) >= 2 else []
 
     def _of_kinds(self, kinds: Sequence[str]) -> dict[str, Publication]:
         return self._of(lambda each: each.is_drive_param if kinds == (_DRIVE_PARAM,) else each.kind._type in kinds)

@@ -369,6 +369,7 @@ class Graph:
         listened = self.listens(publication.topic)
         if not (publication.commands or publication.asks_for_reset or latch or listened or self.journal is not None):
             return  # nobody sees it
+        self.newest.pop(publication.topic, None)  # the topic that was published on last is the last
         kept = self.newest[publication.topic] = copy.deepcopy(message)
         if self.journal is not None:
             self.journal.append((self.now, publication.topic, kept))

@@ -110,7 +110,7 @@ class RosPlanner:
                 self._ended.append(process)
                 then = "; the car stops" if over else ""
                 warnings.warn(f"node {process.name!r} has ended, t = {scan.stamp:.3f} s{then}", stacklevel=2)
-        return STOP if over else self._command(scan.stamp - self._began)
+        return STOP if over else self._command(scan.stamp - self._began, odometry.speed)
 
     def look_round(self, surroundings: Surroundings) -> None:
         """Take what surrounds the car: nodes may listen to the map and to the other cars' odometry."""
@@ -255,16 +255,16 @@ class RosPlanner:
             f"{', '.join(topics) or 'none'}{self._line()}{''.join(f'; {each}' for each in self._failed)}"
         )
 
-    def _command(self, driven: float) -> DriveCommand:
-        """Return the last command; `driven` is the simulated time since the first scan [s]."""
-        asked = self._driving.asked()
+    def _command(self, driven: float, speed: float) -> DriveCommand:
+        """Return the last command; `driven` is the simulated time since the first scan [s], `speed` the car's [m/s]."""
+        asked = self._driving.asked(speed)
         if asked is None:
             if driven >= PATIENCE:
                 raise NodeError(self._silent())
             return STOP
-        speed = max(-self._max_speed, min(self._max_speed, float(np.float32(asked[0]))))
-        self._sensing.command = speed, float(asked[1])
-        return DriveCommand(steering_angle=float(np.float32(asked[1])), speed=speed)
+        limited = max(-self._max_speed, min(self._max_speed, float(np.float32(asked[0]))))
+        self._sensing.command = limited, float(asked[1])
+        return DriveCommand(steering_angle=float(np.float32(asked[1])), speed=limited)
 
     def _silent(self) -> str:
         """Return the message for nodes that have published no command within PATIENCE."""

@@ -23,7 +23,7 @@ from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.world import World
 
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
-from ..composed_topics import STEERING, THROTTLE, cars_in, motor_fields
+from ..composed_topics import RANGE_MAX, RANGE_MIN, STEERING, THROTTLE, cars_in, motor_fields
 from ..front_camera import FIELD_OF_VIEW, SIZE, FrontCamera
 from ..occupancy_grid import Grid, grid_of
 from .graph import BEGIN, Graph
@@ -80,7 +80,7 @@ _OF_AUTODRIVE = {
     "front_camera": (_IMAGE, "image"),
     "collision_count": (_COUNT, "collision_count"),
     **_OF_LAPS,
-    "lidar": ("sensor_msgs/msg/LaserScan", "scan"),
+    "lidar": ("sensor_msgs/msg/LaserScan", "scan_of_autodrive"),
 }
 AUTODRIVE_VEHICLES = ("f1tenth_1", "roboracer_1")
 """Names of the car in AutoDRIVE's releases."""
@@ -129,7 +129,7 @@ class Sensing:
     def __init__(self, graph: Graph, flavour: int, car: CarParameters, beams: int | None = None) -> None:
         self._beams = beams
         self._graph, self._flavour, self._wheel_radius, self._mass = graph, flavour, car.wheel_radius, car.mass
-        self._wheelbase, self._half_track = car.wheelbase, car.track_width / 2
+        self._wheelbase, self._half_track, self._gravity = car.wheelbase, car.track_width / 2, car.gravity
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
         self._before: float | None = None
         self._ticks = 0
@@ -280,14 +280,22 @@ class Sensing:
         self._before = stamp
 
     def _make_scan(self) -> Any:
-        scan = self._scan if self._beams is None else resampled(self._scan, self._beams)
+        return self._scan_message(self._scan, LASER_FRAME)
+
+    def _make_scan_of_autodrive(self) -> Any:
+        ranges = self._scan.ranges
+        seen = np.where((ranges >= RANGE_MIN) & (ranges <= RANGE_MAX), ranges, math.inf)
+        return self._scan_message(replace(self._scan, ranges=seen, range_min=RANGE_MIN, range_max=RANGE_MAX), "lidar")
+
+    def _scan_message(self, scan: LaserScan, frame: str) -> Any:
+        scan = scan if self._beams is None else resampled(scan, self._beams)
         numbers = array.array("f")
         numbers.frombytes(scan.ranges.astype(np.float32).tobytes())
         first = scan.stamp - scan.time_increment * max(0, len(scan.ranges) - 1)
         names = ("angle_min", "angle_max", "angle_increment", "time_increment", "scan_time", "range_min", "range_max")
         return made(
             self._kind("sensor_msgs/msg/LaserScan"),
-            header=self._header(first, LASER_FRAME),
+            header=self._header(first, frame),
             ranges=tuple(numbers) if self._flavour == ROS1 else numbers,
             **{name: _single(getattr(scan, name)) for name in names},
         )
@@ -433,8 +441,9 @@ class Sensing:
         return message
 
     def _make_imu_with_orientation(self) -> Any:
-        """AutoDRIVE's has the true orientation, too."""
+        """AutoDRIVE's has the true orientation, too, and no gravity in its acceleration: the velocity's derivative."""
         message = self._make_imu()
+        message.linear_acceleration.z -= self._gravity
         message.orientation.z, message.orientation.w = self._at[2:]
         message.orientation_covariance[0] = 0.0
         return message

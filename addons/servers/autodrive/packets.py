@@ -15,14 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from fg_mujoco.addons.ros.composed_topics import STEERING, THROTTLE
+from fg_mujoco.addons.ros.composed_topics import RANGE_MAX, RANGE_MIN, STEERING, THROTTLE
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, shown
 
 EVENT = "Bridge"
 
 BEAMS, FIRST_BEARING, INCREMENT = 1080, math.radians(-135.0), math.radians(0.25)
-RANGE_MIN, RANGE_MAX = 0.06, 10.0  # [m]
 _RATE = 40.0  # [Hz]
 _TICKS = 1920  # of an encoder in a turn of the wheel: 16 pulses, and the gears of 120 that DevKits reckon with
 _SAME_BEARING = 0.5 * INCREMENT  # [rad] by which a beam may be off; where there is none, nothing is seen

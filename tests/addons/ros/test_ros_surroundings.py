@@ -10,8 +10,11 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.ros.node_host.sensing import STEERING, THROTTLE
-from ros_planners import ODOMETRY, ROS2, commands, make, node2, speeds
-from scan_worlds import odometry_of
+from ros_planners import ODOMETRY, ROS2, SCAN, commands, make, node2, speeds
+from scan_worlds import CAR, odometry_of
+
+METRE = 4614.0 / 2 / 60.0 * math.tau  # [rad/m] of the VESC's motor
+FORCE = METRE * 60.0 / math.tau / 3500.0  # [N/A]
 
 MAP = """
 grid = self.got["map"]
@@ -110,6 +113,9 @@ class Mine(Node):
         self.steering = self.create_publisher(Float32, "/autodrive/CAR/steering_command", 1)
 
     def callback(self, message):
+        assert message.header.frame_id == "lidar" and round(message.range_max, 6) == 10.0
+        assert message.ranges[0] == float("inf") and message.ranges[1] == 9.75
+        assert abs(self.got["imu"].linear_acceleration.z) < 1e-9 and self.got["imu"].linear_acceleration.x == 0.5
         assert len(message.ranges) > 100 and (self.got["ips"].x, self.got["ips"].y) == (3.0, 4.0)
         assert abs(self.got["imu"].orientation.z - 0.5 ** 0.5) < 1e-9 and self.got["speed"].data == 1.0
         self.throttle.publish(Float32(data=0.1))
@@ -136,9 +142,37 @@ def test_a_node_of_autodrive_drives_by_throttle_and_steering(car, tmp_path):
     path = tmp_path / "racer.py"
     path.write_text(AUTODRIVE.replace("CAR", car))
     planner = make(f"ros:{path}:Mine")
-    found = commands(planner, 2, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))
+    told = {"pose": np.array((3.0, 4.0, math.pi / 2)), "linear_acceleration": np.array((0.5, 0.0, CAR.gravity))}
+    ranges = np.concatenate(((12.0, 9.75), SCAN.ranges[2:]))
+    senses = [(replace(SCAN, stamp=t, ranges=ranges), replace(ODOMETRY, stamp=t, **told)) for t in (0.0, 0.025)]
+    found = [(command.speed, command.steering_angle) for command in (planner(*each) for each in senses)]
+    assert found[0][0] == pytest.approx(2.5, abs=0.03)  # as the league's simulator at a throttle of 0.1
     expected = [0.1 * THROTTLE, 0.25 * STEERING, 0.1 * THROTTLE, 0.5 * STEERING]
     assert np.ravel(found).tolist() == pytest.approx(expected, rel=1e-6)
+
+
+MOTOR = """
+self.motors = {name: self.create_publisher(Float64, f"/vesc/commands/motor/{name}", 1)
+               for name in ("speed", "duty_cycle", "current", "brake")}
+self.servo = self.create_publisher(Float64, "/vesc/commands/servo/position", 1)
+"""
+
+
+@each("body, expected",
+      [("turn('duty_cycle', 0.1)", 1.26 * 3500.0 / 60.0 * math.tau / METRE),  # the turns of 1.26 V, of 12.6
+       ("turn('speed', 4614.0)\nif self.calls > 4: turn('duty_cycle', 0.0)", 0.0),
+       ("turn('current', 10.0)", 1.0 + 0.475 * 10.0 * FORCE / CAR.mass),
+       ("turn('current', -10.0 if self.calls > 19 else 0.0)", 1.0 - 0.025 * 10.0 * FORCE / CAR.mass),
+       ("turn('speed', 9228.0)\nif self.calls > 10: turn('brake', 10.0)", 1.0 - 0.225 * 10.0 * FORCE / CAR.mass),
+       ("turn('brake', 80.0)", 0.0)])  # fmt: skip
+def test_the_vescs_motor_is_driven_by_speed_duty_current_and_brake(body, expected, tmp_path):
+    """After 20 ticks of a car at 1 m/s."""
+    head = ROS2.replace("import Bool, ", "import Bool, Float64, ")
+    head = head.replace('self.create_publisher(AckermannDriveStamped, "/drive", 10)', "None")
+    turn = "def turn(name, value): self.motors[name].publish(Float64(data=value))\n"
+    turn += "self.servo.publish(Float64(data=0.5304))\n"
+    found = commands(make(node2(tmp_path, turn + body, MOTOR, head=head)), 20)
+    assert found[-1] == (pytest.approx(expected, abs=1e-6), pytest.approx(0.0, abs=1e-9))
 
 
 TEAM = """

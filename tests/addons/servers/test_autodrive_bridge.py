@@ -108,7 +108,7 @@ def test_the_beams_of_a_packet_are_1080_from_the_right_and_inf_where_the_simulat
 
 def test_full_throttle_and_steering_are_the_simulators_greatest():
     command = read_answer({"V1 Throttle": "0.5", "V1 Steering": "-1.000", "Reset": "False"}).command
-    assert (command.speed, command.steering_angle) == (11.44, -0.5236)
+    assert (command.speed, command.steering_angle) == (12.625, -0.5236)
     clipped = read_answer({"V1 Throttle": 7, "V1 Steering": -3.0})
     assert (clipped.throttle, clipped.steering, clipped.reset) == (1.0, -1.0, False)
     assert read_answer({"V1 Throttle": "0", "V1 Steering": "0", "Reset": "True"}).reset
@@ -164,7 +164,7 @@ def test_a_devkit_stays_while_the_race_pauses(revision):
 def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays, monkeypatch):
     monkeypatch.setattr(devkit_module, "_SETTLE", 0.6)  # on a busy machine an answer takes longer than it is given
     result, _ = raced(lambda number, _: [(delay, commands(0.001 * number)) for delay in delays], time_limit=0.5)
-    commanded = np.rint(result.car.column("command_speed_m_s") / 0.02288).astype(int)
+    commanded = np.rint(result.car.column("command_speed_m_s") / 0.02525).astype(int)
     assert commanded.tolist() == list(range(20))
 
 
