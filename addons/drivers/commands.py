@@ -7,8 +7,8 @@ from pathlib import Path
 
 from fg_mujoco.cli.command import FORCE, command, number, option, require_ending
 from fg_mujoco.cli.options import NAMES, setup_of, setup_options
-from fg_mujoco.cli.out import require_new
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.cli.out import course_files, given, require_new
+from fg_mujoco.course.writing import writing
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 
 from .racelines.raceline import MARGIN, OBJECTIVES, make_raceline
@@ -37,20 +37,20 @@ def raceline_command(options: argparse.Namespace) -> int:
     for path, ending in ((options.out, ".csv"), (options.picture, ".png")):
         if path is not None:
             require_ending(path, ending, what="this file")
-            require_new(path, force=options.force)
+            read = [*given(options, "out", "picture"), *course_files(options.track)]
+            require_new(path, force=options.force, reads=read)
     if options.picture is not None:
         require_matplotlib()
     line = make_raceline(setup_of(options), objective=options.objective, margin=options.margin)
     print(line.summary())
-    try:
-        if options.out is not None:
+    if options.out is not None:
+        with writing(options.out):
             line.write(options.out)
-            print(f"line: {options.out}; drive it with --controller 'pure_pursuit[line={options.out}]'")
-        if options.picture is not None:
-            from .racelines.raceline_picture import raceline_picture
+        print(f"line: {options.out}; drive it with --controller 'pure_pursuit[line={options.out}]'")
+    if options.picture is not None:
+        from .racelines.raceline_picture import raceline_picture
 
+        with writing(options.picture):
             raceline_picture(line, options.picture)
-            print(f"picture: {options.picture}")
-    except OSError as error:
-        raise SettingsError(f"{error.filename}: cannot be written: {error.strerror or error}") from error
+        print(f"picture: {options.picture}")
     return 0

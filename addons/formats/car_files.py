@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fg_mujoco.course.documents import comment
 from fg_mujoco.course.files import is_file, is_folder, read_setting
 from fg_mujoco.course.maps.map_server import plain_yaml
 from fg_mujoco.errors import SettingsError, missing_extra
@@ -93,7 +94,7 @@ def read_car(paths: Sequence[Path]) -> CarFiles:
                 continue
             _require(path, name, quantity, value)
             said = name.partition(" of ")[2] or name
-            told = found.setdefault(quantity, Told(value=value, name=said, file=path.name))
+            told = found.setdefault(quantity, Told(value=value, name=said, file=comment(path.name)))
             if told.value != value:
                 raise SettingsError(
                     f"{path}: {told.name} is {told.value:g} and {name} is {value:g}; accepted: one of them, or the same"
@@ -157,9 +158,11 @@ def _values(path: Path) -> Iterator[tuple[str, float]]:
         if leaves.setdefault(name, value) != value and (number := _number(value)) is not None:
             yield f"a second {name} of {number:g}", number
     numbers = {name: number for name, value in leaves.items() if (number := _number(value)) is not None}
-    if (nominal := numbers.get("nominal_load")) and "c_alpha" in numbers:  # SlipX's tyres, of both axles
+    if {"nominal_load", "c_alpha"} <= set(numbers):  # SlipX's tyres, of both axles
+        if zero := [name for name in ("nominal_load", "mu_y0", "C") if numbers.get(name) == 0.0]:
+            raise SettingsError(f"{path}: {zero[0]} is 0; accepted: a number above 0")
         friction, shape = numbers.pop("mu_y0", math.nan), numbers.pop("C", math.nan)
-        stiffness, curvature = numbers.pop("c_alpha") / nominal, numbers.pop("E", 0.0)
+        stiffness, curvature = numbers.pop("c_alpha") / numbers["nominal_load"], numbers.pop("E", 0.0)
         for axle in "fr":
             yield from ((f"B{axle}", stiffness / (shape * friction)), (f"C{axle}", shape))
             yield from ((f"D{axle}", friction), (f"E{axle}", curvature))
@@ -196,7 +199,7 @@ def _leaves(value: Any, depth: int = 0) -> Iterator[tuple[str, Any]]:
             if isinstance(each, Mapping):
                 yield from _leaves(each, depth + 1)
             else:
-                yield str(key).rpartition("/")[2], each
+                yield comment(str(key)).rpartition("/")[2], each
 
 
 def _number(value: Any) -> float | None:
@@ -205,7 +208,9 @@ def _number(value: Any) -> float | None:
         return None
     try:
         return float(value)
-    except (ValueError, OverflowError):
+    except OverflowError:  # a whole number of hundreds of digits
+        return math.inf
+    except ValueError:
         return None
 
 

@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from fg_mujoco.addons.gym2d.params import F1TENTH, build_vehicle, own_params
+from fg_mujoco.course.documents import comment, toml_text, xml_comment
 from fg_mujoco.course.files import state_of
-from fg_mujoco.course.writing import write_files
-from fg_mujoco.errors import FgMujocoError, ModelError, Note, SettingsError
+from fg_mujoco.course.writing import staged_folder, write_file
+from fg_mujoco.errors import FgMujocoError, Note, SettingsError
 from fg_mujoco.pictures.pages.page import note, scroll, write_page
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.vehicle.changes import set_mu
@@ -30,6 +31,9 @@ from fg_mujoco.vehicle.tires.law import GREATEST_SLIP
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle, vehicle_names
 
 from .car_files import CarFiles, Told, files_of, is_car, read_car
+
+ENDINGS = (".xml", ".toml", ".html")
+"""Of the files that `write_car` writes."""
 
 _UNITS = {
     "lf": "m", "lr": "m", "m": "kg", "h": "m", "I": "kg m^2", "s_min": "rad", "s_max": "rad", "sv_min": "rad/s",
@@ -44,6 +48,7 @@ _WORDS = {
     "length": "length", "track_width": "track width", "wheel_radius": "wheel radius",
 }  # fmt: skip
 _KEPT = ("track_width", "wheel_radius")  # what is not built, but the vehicle's
+_SHOWN = 40  # names of what is not used
 _SAME = 0.01  # share within which a value is the vehicle's
 _LEAST_C, _OF_D = 0.5, 0.9  # of a Magic Formula with a peak, as `MagicFormula` takes it
 _RELAXATION, _SLIDING = 0.045, 0.7  # as in models/tires/forzaeth_nuc2.toml, which says from where
@@ -138,7 +143,8 @@ def _car_of(sources: tuple[Path, ...], states: tuple[str, ...]) -> FileCar:
             words.append(f"{said.format(told.value)}: {told.name} of {told.file}")
     words += [*tire_words, *files.notes]
     if files.unused:
-        words.append(f"not used: {', '.join(files.unused)}")
+        others = f" and {len(files.unused) - _SHOWN} others" if len(files.unused) > _SHOWN else ""
+        words.append(f"not used: {', '.join(files.unused[:_SHOWN])}{others}")
     return FileCar(vehicle=vehicle, files=files, tires=_toml(files, tires, tire_words), words=tuple(words))
 
 
@@ -184,6 +190,10 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
         }
         words.append(f"Magic Formulas of {source}" + ("" if mu in (None, 1.0) else f", their D times mu {mu:g}"))
         peaks = {k: _greatest(*formulas[k]) for k in "fr"}
+        if flat := [k for k in "fr" if not peaks[k] > 0.0]:
+            named = zip("BCDE", formulas[flat[0]], strict=True)
+            said = f"a Magic Formula of {', '.join(f'{letter} {value:g}' for letter, value in named)} has no force"
+            raise SettingsError(f"{source}: {said}; accepted: one with a peak above 0")
         if all(C >= _LEAST_C and peaks[k] >= _OF_D * D for k, (_, C, D, _) in formulas.items()):
             model = "magic_formula"
             curves = {k: dict(zip("BCDE", formulas[k], strict=True)) | {"sliding_share": _SLIDING} for k in "fr"}
@@ -228,39 +238,35 @@ def _toml(files: CarFiles, tires: dict[str, Any], words: Sequence[str]) -> str:
     """Return a table of tires as TOML, with the words above."""
     if not tires:
         return ""
-    lines = [f"# Tires of {files.name}, made by fg-mujoco car."]
-    lines += [f"# {line}" for line in words]
-    lines += [f'{name} = "{tires[name]}"' for name in ("model", "floor")]
-    for axle in ("front", "rear"):
-        lines += ["", f"[{axle}]", *(f"{name} = {value!r}" for name, value in tires[axle].items())]
-    return "\n".join(lines) + "\n"
+    heading = [f"Tires of {files.name}, made by fg-mujoco car.", *words]
+    lines = [f"# {comment(line)}" for line in heading]
+    lines.append(toml_text({name: tires[name] for name in ("model", "floor")}))
+    lines += [f"[{axle}]\n{toml_text(tires[axle])}" for axle in ("front", "rear")]
+    return "\n".join(lines)
 
 
 def write_car(car: FileCar, folder: Path) -> list[Path]:
-    """Write the MJCF, the tires and the page of a car into a folder, and return their paths.
+    """Write the MJCF, the tires and the page of a car into a folder, when the car has been loaded; return their paths.
 
     Raises:
       OSError: they cannot be written.
+      ModelError: no such car can be driven.
     """
     name, spec = car.files.name, car.vehicle.spec(tires=Tires.load("contact"))
     if car.tires:
         element = spec.text("tires") or spec.add_text(name="tires")
         element.data = f"{name}.toml"
-    comment = "\n  ".join(("", *car.words, "")).replace("--", "- -")
     head, _, rest = spec.to_xml().partition("\n")
-    files = {folder / f"{name}.xml": f"{head}\n  <!--{comment}-->\n{rest}".encode()}
-    if car.tires:
-        files[folder / f"{name}.toml"] = car.tires.encode()
-    folder.mkdir(parents=True, exist_ok=True)
-    write_files(files)
-    try:
-        written = Vehicle.load(folder / f"{name}.xml")
-    except ModelError as error:  # of a car that no check has seen
-        raise SettingsError(f"{folder / name}.xml: {error}") from error
-    page = folder / f"{name}.html"
     sources = sorted({told.file for told in car.files.values.values()})
-    write_page(page, f"{name}: a car of {', '.join(sources)}", _page(car, written))
-    return [*files, page]
+    xml, toml, html = (f"{name}{ending}" for ending in ENDINGS)
+    folder.mkdir(parents=True, exist_ok=True)
+    with staged_folder(folder, last=xml) as aside:
+        write_file(aside / xml, f"{head}\n  <!--{xml_comment(car.words)}-->\n{rest}".encode())
+        if car.tires:
+            write_file(aside / toml, car.tires.encode())
+        written = Vehicle.load(aside / xml)
+        write_page(aside / html, f"{name}: a car of {', '.join(sources)}", _page(car, written))
+    return [folder / each for each in ((xml, toml, html) if car.tires else (xml, html))]
 
 
 def _page(car: FileCar, vehicle: Vehicle) -> list[object]:

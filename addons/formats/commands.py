@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 
 from fg_mujoco.cli.command import FORCE, command, option
-from fg_mujoco.cli.out import require_new
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.cli.out import new_files
+from fg_mujoco.course.writing import writing
 
-from .cars import car_of, write_car
+from .cars import ENDINGS, car_of, write_car
 
 
 @command(
@@ -23,12 +23,12 @@ from .cars import car_of, write_car
 def car_command(options: argparse.Namespace) -> int:
     """Make a vehicle of the files that other stacks have, and say what they do not tell."""
     car = car_of(options.files)
-    print(f"{car.files.name}:", *car.words, sep="\n  ")
+    written: list[Path] = []
     if options.out is not None:
-        require_new(options.out / f"{car.files.name}.xml", force=options.force)
-        try:
+        files = [options.out / f"{car.files.name}{ending}" for ending in ENDINGS]
+        with new_files(options.out, *files, options=options), writing(options.out):
             written = write_car(car, options.out)
-        except OSError as error:
-            raise SettingsError(f"{options.out}: cannot be written: {error.strerror or error}") from error
+    print(f"{car.files.name}:", *car.words, sep="\n  ")
+    if written:
         print("written:", *written)
     return 0

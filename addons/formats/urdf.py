@@ -16,6 +16,8 @@ import numpy as np
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray
 
+_MOST = 1e6  # kg, m, kg m^2 or rad
+
 
 def urdf_values(path: Path, text: str) -> Iterator[tuple[str, float]]:
     """Yield the names of f1tenth_gym and the values that a URDF tells.
@@ -51,6 +53,8 @@ def urdf_values(path: Path, text: str) -> Iterator[tuple[str, float]]:
         raise SettingsError(f"{path}: no link has a mass; accepted: a URDF with <inertial>")
     masses = np.array([mass for mass, _, _ in bodies])
     middles = np.array([middle for _, middle, _ in bodies])
+    if not masses.sum() > 0.0:
+        raise SettingsError(f"{path}: the masses of its links are 0 kg together; accepted: a URDF with masses above 0")
     centre = masses @ middles / masses.sum()
     levers = ((middles - centre)[:, :2] ** 2).sum(axis=1)
     yield "m of the links", float(masses.sum())
@@ -68,13 +72,17 @@ def urdf_values(path: Path, text: str) -> Iterator[tuple[str, float]]:
 
 def _placed(base: str, joints: list[tuple[Any, str, str]]) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return where each link is, and how it is turned, from the base."""
-    places = {base: (np.zeros(3), np.eye(3))}
-    for _ in joints:
-        for joint, parent, child in joints:
-            if parent in places and child not in places:
-                place, turn = places[parent]
+    below: dict[str, list[tuple[Any, str]]] = {}
+    for joint, parent, child in joints:
+        below.setdefault(parent, []).append((joint, child))
+    places, reached = {base: (np.zeros(3), np.eye(3))}, [base]
+    for name in reached:
+        place, turn = places[name]
+        for joint, child in below.get(name, ()):
+            if child not in places:
                 moved, turned = _origin(joint)
                 places[child] = (place + turn @ moved, turn @ turned)
+                reached.append(child)
     return places
 
 
@@ -87,8 +95,8 @@ def _bodies(link: Any, place: FloatArray, turn: FloatArray) -> Iterator[tuple[fl
     element, own = inertial.find("inertia"), np.zeros((3, 3))
     for i, j, name in ((0, 0, "ixx"), (1, 1, "iyy"), (2, 2, "izz"), (0, 1, "ixy"), (0, 2, "ixz"), (1, 2, "iyz")):
         own[i, j] = own[j, i] = 0.0 if element is None else float(element.get(name, "0"))
-    if not (np.isfinite(mass) and np.isfinite(own).all()):
-        raise ValueError(f"link {link.get('name')!r} has a mass or an inertia that is no number")
+    if not (0.0 <= mass <= _MOST and (np.abs(own) <= _MOST).all()):
+        raise ValueError(f"link {link.get('name')!r} has a mass or an inertia that no car has")
     turned = turn @ turned
     yield mass, place + turn @ moved, turned @ own @ turned.T
 
@@ -108,8 +116,8 @@ def _origin(element: Any) -> tuple[FloatArray, FloatArray]:
 
 def _numbers(text: str | None, count: int) -> FloatArray:
     numbers = np.array([float(word) for word in (text or "0 0 0").split()])
-    if len(numbers) != count or not np.isfinite(numbers).all():
-        raise ValueError(f"{text!r} is not {count} numbers")
+    if len(numbers) != count or not (np.abs(numbers) <= _MOST).all():
+        raise ValueError(f"{text!r} is not {count} numbers of at most {_MOST:g}")
     return numbers
 
 

@@ -7,11 +7,13 @@ import sys
 import time
 from pathlib import Path
 
-from fg_mujoco.cli.command import CONFIG, TRUST, command, number, option, require_ending, whole
+from fg_mujoco.cli.command import CONFIG, FORCE, TRUST, command, number, option, require_ending, whole
 from fg_mujoco.cli.options import setup_of, setup_options
-from fg_mujoco.cli.out import PAGE
+from fg_mujoco.cli.out import PAGE, require_new
 from fg_mujoco.cli.progress import ProgressLine, to_go
 from fg_mujoco.errors import MissingExtraError, SettingsError
+from fg_mujoco.pictures.pages.page import is_page
+from fg_mujoco.racing.run_folder import read_summary
 from fg_mujoco.registry import PARTS
 
 DEBUG_PAGE = "debug.html"
@@ -39,6 +41,7 @@ def report_race(folder: str | Path) -> None:
     option("--out", f"of a run; default: DIR/{PAGE}; of a comparison: DIR/report/", "FILE.html", Path),
     option("--clip", "of video in the page of a run [s]; default: 8", "S", number, _USUAL_CLIP),
     option("--no-clip", "without video"),
+    FORCE,
     TRUST,
 )
 def report_command(options: argparse.Namespace) -> int:
@@ -62,7 +65,7 @@ def report_command(options: argparse.Namespace) -> int:
             page, pages = write(options.folder, watch, trust=options.trust), "and a page for each run"
         else:
             path = options.out or Path(options.folder) / PAGE
-            require_ending(path, ".html", ".htm", what="a page")
+            _check_page(path, options)
             clip = None if options.no_clip else options.clip
             page, pages = write_report(options.folder, path, clip_seconds=clip, watch=watch), ""
     print(f"{page}: {page.stat().st_size / 1e6:.1f} MB{', ' + pages if pages else ''}")
@@ -74,6 +77,7 @@ def report_command(options: argparse.Namespace) -> int:
     option("--at", "time in the run that the page opens at; default: its end, or crash", "S", number),
     option("--window", "of decisions in the page, round --at [s]; default: 3", "S", number, 3.0),
     option("--out", f"default: DIR/{DEBUG_PAGE}", "FILE.html", Path),
+    FORCE,
     TRUST,
 )
 def debug_command(options: argparse.Namespace) -> int:
@@ -81,7 +85,7 @@ def debug_command(options: argparse.Namespace) -> int:
     from .debug import debug
 
     path = options.out or Path(options.folder) / DEBUG_PAGE
-    require_ending(path, ".html", ".htm", what="a page")
+    _check_page(path, options)
     seen = debug(options.folder, at=options.at, window=options.window, trust=options.trust)
     for note in seen.notes:
         print(f"fg-mujoco: {note}", file=sys.stderr)
@@ -98,6 +102,13 @@ def debug_command(options: argparse.Namespace) -> int:
         print(f"at {chosen.time:.3f} s  speed           {chosen.why_speed}")
         print(f"{'':{len(f'at {chosen.time:.3f} s')}}  steering angle  {chosen.why_steering}")
     return 0
+
+
+def _check_page(path: Path, options: argparse.Namespace) -> None:
+    """Refuse a file that is no page of ours; one that is made of the run alone, in its folder, is replaced."""
+    require_ending(path, ".html", ".htm", what="a page")
+    read_summary(options.folder)  # a folder that is no run's is refused before all else
+    require_new(path, force=options.force or (options.out is None and is_page(path)), reads=[options.folder])
 
 
 @command(

@@ -18,16 +18,15 @@ from typing import TYPE_CHECKING, Any
 from fg_mujoco.addons.ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
 from fg_mujoco.cli.command import CONFIG, FORCE, command, number, option, require_ending, whole
 from fg_mujoco.cli.options import CAR, NAMES, in_one_line, setup_of, setup_options
-from fg_mujoco.cli.out import require_new
+from fg_mujoco.cli.out import course_files, given, new_files, require_new
 from fg_mujoco.cli.progress import ProgressLine, shown_as
 from fg_mujoco.cli.race import RaceWatch
 from fg_mujoco.course.course import describe_course
 from fg_mujoco.course.maps.map_server import RESOLUTION, require_maps_extra
-from fg_mujoco.course.writing import write_file
+from fg_mujoco.course.writing import staged_folder, write_file, writing
 from fg_mujoco.errors import PlannerError, SettingsError, TrackError, accepted_names
 from fg_mujoco.messages import require_whole
 from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
-from fg_mujoco.pictures.pages.page import writing
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
 from fg_mujoco.racing.resolved import ground_of
@@ -39,6 +38,7 @@ from .drives.reading import kind_of, read_drive, refuse_for_kind
 if TYPE_CHECKING:
     from fg_mujoco.addons.ros.bag_replay import PlannedCommand
 
+    from .identification.identification import Identification
     from .mapping.recorded_map import RecordedMap
 
 FORMATS = ("mcap",)
@@ -91,44 +91,57 @@ def identify_command(options: argparse.Namespace) -> int:
     from .bag_drive import identify
     from .identification.fit import require_scipy
     from .identification.identification import BUDGET
-    from .identification.identification_page import write_identification_report
-    from .identification.tire_file import check_tire_file, write_tires
-    from .identification.vehicle_file import write_vehicle
+    from .identification.tire_file import check_tire_file
 
     require_scipy()
     folder = None if options.out.suffix else options.out
-    tires, report = options.out, options.report
+    tires, report, car = options.out, options.report, None
     if folder is not None:
         name = folder.absolute().name
         if name.encode(errors="replace").decode() != name:
             raise SettingsError(f"out is {str(folder)!r}; accepted: a name in UTF-8, which the files get")
-        tires, report = folder / f"{name}_tires.toml", report or folder / f"{name}.html"
-        require_new(folder / f"{name}.xml", force=options.force)
-    check_tire_file(tires, force=options.force)
+        tires, report, car = folder / f"{name}_tires.toml", report or folder / f"{name}.html", folder / f"{name}.xml"
+    check_tire_file(tires)
     if report is not None:
         require_bokeh()
         require_ending(report, ".html", ".htm", what="a page")
-        require_new(report, force=options.force)
-    with shown_as(str, "reading drives") as watch:
-        found = identify(
-            *options.sources, vehicle=options.vehicle, linear=options.linear, front_drive=options.front_drive,
-            single_track=options.single_track, columns=options.columns, pose_topic=options.pose_topic,
-            drive_topic=options.drive_topic, imu_topic=options.imu_topic, odometry_topic=options.odom_topic,
-            hold_out=options.hold_out, budget=BUDGET if options.budget is None else options.budget, watch=watch,
-        )  # fmt: skip
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-    write_tires(found, tires, force=options.force)
+    with new_files(folder, *filter(None, (tires, report, car)), options=options):
+        with shown_as(str, "reading drives") as watch:
+            found = identify(
+                *options.sources, vehicle=options.vehicle, linear=options.linear, front_drive=options.front_drive,
+                single_track=options.single_track, columns=options.columns, pose_topic=options.pose_topic,
+                drive_topic=options.drive_topic, imu_topic=options.imu_topic, odometry_topic=options.odom_topic,
+                hold_out=options.hold_out, budget=BUDGET if options.budget is None else options.budget, watch=watch,
+            )  # fmt: skip
+        _write_identified(found, options.vehicle, tires, report, car)
     print(found.summary())
     print(f"written to {tires}")
-    if folder is not None:
-        vehicle = Vehicle.load(options.vehicle or found.drives[0].vehicle)
-        car = write_vehicle(found, vehicle, folder / f"{folder.absolute().name}.xml", tires=tires.name)
-        Vehicle.load(car)
+    if car is not None:
         print(f"car: {car}; drive it with --vehicle {car}")
     if report is not None:
-        print(f"report: {write_identification_report(found, report)}")
+        print(f"report: {report}")
     return 0
+
+
+def _write_identified(
+    found: Identification, vehicle: str | None, tires: Path, report: Path | None, car: Path | None
+) -> None:
+    """Write the files of an identification; those of a car's folder all together, when the car has been loaded."""
+    from .identification.identification_page import write_identification_report
+    from .identification.tire_file import write_tires
+    from .identification.vehicle_file import write_vehicle
+
+    if car is None:
+        write_tires(found, tires)
+        if report is not None:
+            write_identification_report(found, report)
+        return
+    with writing(car.parent), staged_folder(car.parent, last=car.name) as aside:
+        write_tires(found, aside / tires.name)
+        if report is not None:
+            write_identification_report(found, aside / report.name if report.parent == car.parent else report)
+        assumed = Vehicle.load(vehicle or found.drives[0].vehicle)
+        Vehicle.load(write_vehicle(found, assumed, aside / car.name, tires=tires.name))
 
 
 @command(
@@ -149,7 +162,7 @@ def validate_command(options: argparse.Namespace) -> int:
     for path, endings in ((options.report, (".html", ".htm")), (options.csv, (".csv",))):
         if path is not None:
             require_ending(path, *endings, what="it")
-            require_new(path, force=options.force)
+            require_new(path, force=options.force, reads=given(options, "report", "csv"))
     if options.report is not None:
         require_bokeh()
     setup = setup_of(options).first
@@ -188,13 +201,13 @@ def map_command(options: argparse.Namespace) -> int:
 
     require_maps_extra()
     files = () if options.out is None else map_files(options.out)
-    for file in files:
-        require_new(file, force=options.force)
     setup = setup_of(options)
     if len(setup.entries) > 1:
         raise SettingsError(f"{len(setup.entries)} cars; accepted: one, which maps the course")
     if options.name is not None:
         setup = setup.replace(track=options.name)
+    if files:
+        require_new(*files, force=options.force, reads=[*given(options, "out"), *course_files(setup.track)])
     if not hasattr(options, "laps") and setup.laps is None and ground_of(setup).course.closed:
         setup = setup.replace(laps=_LAPS)
     with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=True) as watch, _progress("scan", "matching") as scans:
@@ -223,7 +236,7 @@ def export_command(options: argparse.Namespace) -> int:
         raise SettingsError(f"format is {options.format!r}; {accepted_names(options.format, FORMATS)}")
     path = options.out or Path(f"{Path(abspath(options.folder)).name}.mcap")
     require_ending(path, ".mcap", what="a bag")
-    require_new(path, force=options.force)
+    require_new(path, force=options.force, reads=[options.folder])
     with _progress("tick") as watch:
         ticks = export_bag(options.folder, path, watch)
     print(f"{path}: {ticks} ticks, {path.stat().st_size / 1e6:.1f} MB")
@@ -260,8 +273,7 @@ def bag_command(options: argparse.Namespace) -> int:
     files = () if options.map is None else map_files(options.map)
     if files:
         require_maps_extra()
-    for file in files:
-        require_new(file, force=options.force)
+        require_new(*files, force=options.force, reads=given(options, "map"))
     vehicle = setup_of(options).first.car
     with Recording(options.bag) as bag:
         print("\n".join(bag.table()))
@@ -329,8 +341,9 @@ def replay_scans_command(options: argparse.Namespace) -> int:
         require_ros_extra()
     out = options.out or Path(f"{Path(abspath(options.bag)).stem}_commands.csv")
     check_commands_file(out)
-    require_new(out, force=options.force)
     setup = setup_of(options)
+    course_read = course_files(setup.track) if hasattr(options, "track") else []
+    require_new(out, force=options.force, reads=[*given(options, "out"), *course_read])
     choice, drive = ControllerChoice.of(str(setup.first.controller)), setup.drive_settings
     mapped = hasattr(options, "track")
     course = load_track(setup.track if mapped else _ANY_TRACK, car=drive.car.parameters)

@@ -14,11 +14,13 @@ import re
 import secrets
 import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from ..course.files import is_file, is_folder, read_text
+from ..course.course import Course
+from ..course.files import is_file, is_folder, noting_files, read_text
+from ..course.writing import claimed_folder, require_writable, writing
 from ..errors import FgMujocoError, RunFolderError, SettingsError
 from ..racing.run_folder import SUMMARY, read_summary
 from ..registry import PARTS
@@ -38,6 +40,7 @@ _OF_A_RUN = re.compile(
 _OF_A_STUDY = re.compile(r"[\w.+-]+\.(json|jsonl|csv|npz|md|png|svg|html)|chunks|poses|traces|report|cells|heats|runs")
 _ASIDE = re.compile(r"\.fg_mujoco-[0-9a-f]{16}\.partial")  # what a killed process left (course.writing)
 _MOST_BYTES = 16 * 2**20  # of a study's mark
+_NOT_READ = (".html", ".htm", ".png", ".mp4", ".gif")  # of a folder: pages and pictures
 
 
 def out_options(kind: str, text: str, *, required: bool = False) -> Part:
@@ -107,14 +110,75 @@ def chosen_folder(options: argparse.Namespace, kind: str | None) -> Iterator[Non
         raise RunFolderError(f"{folder}: has a {there}; accepted: a new or empty folder, {ways}")
 
 
-def require_new(path: str | Path, *, force: bool) -> None:
-    """Refuse to write a file that exists, unless `--force` says to replace it.
+def require_new(*paths: str | Path, force: bool, reads: Iterable[object] = ()) -> None:
+    """Refuse, before the work, to write files that exist, that cannot be written, or that the command reads.
+
+    Args:
+      paths: that it will write.
+      force: `--force`, which replaces files that exist, but none that the command reads.
+      reads: texts and paths of what it reads, and lists of them; what is no file is ignored.
 
     Raises:
-      SettingsError: it exists.
+      SettingsError: it exists, or is read.
+      RunFolderError: it cannot be written.
     """
-    if os.path.exists(path) and not force:
-        raise SettingsError(f"{path}: exists; accepted: a new file, or --force to replace it")
+    values = [each for value in reads for each in (value if isinstance(value, (list, tuple)) else [value])]
+    texts = [str(each) for each in values if isinstance(each, (str, Path))]
+    read = {*texts, *(text.partition("[")[0] for text in texts)}
+    for path in map(Path, paths):
+        if os.path.exists(path):
+            if any(_is_read(path, text) for text in read):
+                raise SettingsError(f"{path}: is read by this command; accepted: another file")
+            if not force:
+                raise SettingsError(f"{path}: exists; accepted: a new file, or --force to replace it")
+        with writing(path):
+            require_writable(path)
+
+
+def _is_read(path: Path, text: str) -> bool:
+    """Return whether a file is the one that a text names, or one in a folder that it names, but no page or picture."""
+    try:
+        folder = os.path.samefile(path.absolute().parent, text) and path.suffix.lower() not in _NOT_READ
+        return folder or os.path.samefile(path, text)
+    except (OSError, ValueError):
+        return False
+
+
+def given(options: argparse.Namespace, *but: str) -> list[object]:
+    """Return the values of a command's options but some: what it reads is among them."""
+    return [value for name, value in vars(options).items() if name not in but]
+
+
+def course_files(course: Course | str) -> list[str]:
+    """Return the files that a course is read from, none for one that is loaded.
+
+    Raises:
+      TrackError: it cannot be read.
+    """
+    from ..simulation.course_loading import load_track
+
+    with noting_files() as read:
+        if isinstance(course, str):
+            load_track(course)
+    return list(read)
+
+
+@contextmanager
+def new_files(folder: Path | None, *paths: Path, options: argparse.Namespace) -> Iterator[None]:
+    """Make the folder of a command before its work, and refuse files that it cannot write there in the end.
+
+    The folder is claimed, and removed again if it stays empty; None: the files are elsewhere.
+
+    Raises:
+      SettingsError: as `require_new`.
+      RunFolderError: the folder cannot be made, or another process has claimed it.
+    """
+    with ExitStack() as stack:
+        if folder is not None:
+            with writing(folder):
+                stack.enter_context(claimed_folder(folder))
+        require_new(*paths, force=options.force, reads=given(options, "out", "report"))
+        yield
 
 
 def _kind_of(folder: str) -> str | None:

@@ -45,7 +45,7 @@ def race_command(options: argparse.Namespace) -> int:
     if options.video is not None:
         from .render import check_film, film_race
 
-        check_film(options.video)
+        check_film(options.video, options)
     # what a planner prints is not our output
     with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=not options.json) as watch:
         result = race_setup(setup, watch=watch)

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..racing.run_folder import read_summary
-from .command import TRUST, command, number, option, require_ending, whole
+from .command import FORCE, TRUST, command, number, option, require_ending, whole
+from .out import given, require_new
 from .progress import ProgressLine, to_go
 
 if TYPE_CHECKING:
@@ -37,12 +38,13 @@ def size_of(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-def check_film(path: Path) -> None:
+def check_film(path: Path, options: argparse.Namespace) -> None:
     """Refuse a video that could not be made, before a race is driven for it."""
     from ..pictures.rendering.gl import open_context
     from ..pictures.rendering.video import check_video
 
     check_video(path, _USUAL_SIZE)
+    require_new(path, force=options.force, reads=given(options, "out", "video"))
     open_context(*_USUAL_SIZE).free()
 
 
@@ -85,6 +87,7 @@ def _qualities() -> Iterable[str]:
         option(f"--{name}", f"{text}; default: by camera", action=argparse.BooleanOptionalAction)
         for name, text in _SWITCHES.items()
     ),
+    FORCE,
     TRUST,
 )
 def render_command(options: argparse.Namespace) -> int:
@@ -92,7 +95,7 @@ def render_command(options: argparse.Namespace) -> int:
     from ..pictures.rendering import Film, find_overlays, write_picture
     from ..pictures.rendering.cameras import find_camera
     from ..pictures.rendering.presets import find_quality
-    from ..pictures.rendering.video import check_place, check_video
+    from ..pictures.rendering.video import check_video
 
     find_camera(options.camera)
     find_quality(options.quality)
@@ -102,7 +105,9 @@ def render_command(options: argparse.Namespace) -> int:
     name = f"{Path(options.folder).resolve().name}-{options.camera}{whose}{'.png' if one else '.mp4'}"
     path = options.out or Path(name)
     require_ending(path if one else None, ".png", what="a picture", when=" with --frame")
-    check_place(path) if one else check_video(path, options.size)
+    if not one:
+        check_video(path, options.size)
+    require_new(path, force=options.force, reads=[options.folder])
     overlays = find_overlays(options.camera, **{name: getattr(options, name) for name in _SWITCHES})
     with Film(
         options.folder, camera=options.camera, car=options.car, size=options.size, quality=options.quality,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..course.centreline_csv import load_centreline, write_centreline
 from ..course.course import describe_course
+from ..course.files import noting_files
 from ..course.formats import TIGHT, track_names
 from ..course.line_file import raceline_columns, raceline_text, read_line_file
 from ..course.maps.export import SUFFIXES, export_tracks, exported_files, require_track
@@ -15,8 +16,8 @@ from ..course.maps.map_server import RESOLUTION, image_yaml
 from ..course.maps.map_track import is_map, map_loops
 from ..course.scenes import describe_scene, scene_names
 from ..course.track import MIN_POINTS
-from ..course.writing import write_file
-from ..errors import SettingsError, TrackError
+from ..course.writing import write_file, writing
+from ..errors import TrackError
 from ..pictures.plots import track_picture
 from ..simulation.course_loading import load_track
 from .command import FORCE, Commands, command, number, option, require_ending
@@ -27,7 +28,7 @@ from .out import require_new
 @command(
     option("--seed", "the same seed gives the same circuit", "SEED", required=True),
     option("--tight", "narrow lanes back to back, as random:SEED:tight"),
-    option("--force", "replace the file if it exists"),
+    FORCE,
     option("path", "of the file", "FILE.csv", Path),
 )
 def _new(options: argparse.Namespace) -> int:
@@ -42,19 +43,21 @@ def _new(options: argparse.Namespace) -> int:
 
 @command(
     option("track", "NAME, random:SEED[:tight], scene:NAME:SEED, file.csv or map.yaml", "TRACK", names=NAMES["track"]),
-    option("--out", "default: NAME.png here", "FILE.png", Path),
+    option("--out", "default: NAME.png here; of a map, which has that image, NAME_course.png", "FILE.png", Path),
+    FORCE,
 )
 def _show(options: argparse.Namespace) -> int:
     """Draw a track or a scene as a PNG."""
-    track = load_track(options.track)
-    path = options.out or Path(f"{track.name.replace(':', '_')}.png")
-    require_ending(path, ".png", what="a picture")
+    require_ending(options.out, ".png", what="a picture")
+    with noting_files() as read:
+        track = load_track(options.track)
+    beside = "_course" if is_map(options.track) else ""
+    path = options.out or Path(f"{track.name.replace(':', '_')}{beside}.png")
+    require_new(path, force=options.force, reads=read)
     picture = io.BytesIO()
     track_picture(track, picture)
-    try:
+    with writing(path):
         write_file(path, picture.getvalue())
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
     print(f"{path}: {describe_course(track)}")
     if is_map(options.track):
         for loop in map_loops(options.track):
@@ -70,17 +73,15 @@ def _show(options: argparse.Namespace) -> int:
     option("image", "PNG, PGM, ...: seen from above, x to the right", "IMAGE", Path),
     option("--resolution", "metres of a pixel, as 0.05", "M", number, required=True),
     option("--negate", "dark is free, light is wall"),
-    option("--force", "replace the YAML if it exists"),
+    FORCE,
 )
 def _from_image(options: argparse.Namespace) -> int:
     """Write the YAML that makes a picture a map: light is free, dark is wall."""
     path = options.image.with_suffix(".yaml")
-    require_new(path, force=options.force)
+    require_new(path, force=options.force, reads=[options.image])
     text = image_yaml(options.image, options.resolution, negate=options.negate)
-    try:
+    with writing(path):
         write_file(path, text.encode())
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
     print(f"{path}: look at the course with fg-mujoco track show {path}")
     return 0
 
@@ -107,9 +108,10 @@ def _scenes(options: argparse.Namespace) -> int:
 )
 def _export(options: argparse.Namespace) -> int:
     """Write a track as a map, a centreline CSV or a mesh of its walls."""
-    for file in (file for path in options.files for file in exported_files(path)):
-        require_new(file, force=options.force)
-    track = require_track(load_track(options.track))
+    files = [file for path in options.files for file in exported_files(path)]
+    with noting_files() as read:
+        track = require_track(load_track(options.track))
+    require_new(*files, force=options.force, reads=read)
     print(*export_tracks(track, options.files, resolution=options.resolution), sep="\n")
     return 0
 
@@ -124,19 +126,24 @@ def _export(options: argparse.Namespace) -> int:
 def _convert(options: argparse.Namespace) -> int:
     """Write a file of another stack as a CSV of ours."""
     require_ending(options.out, ".csv", what="a converted line")
-    require_new(options.out, force=options.force)
+    require_new(options.out, force=options.force, reads=[options.file])
     name, comment = options.file, f"made by: fg-mujoco track convert {options.file}"
     if options.raceline:
-        file = read_line_file(name, course=False, line=options.line).note()
+        with noting_files() as read:
+            file = read_line_file(name, course=False, line=options.line).note()
+        require_new(options.out, force=options.force, reads=read)
         if len(file.points) < MIN_POINTS:
             raise TrackError(f"{name}: {len(file.points)} points; accepted: at least {MIN_POINTS}")
         columns = raceline_columns(file.points, file.values.get("speed"))
-        write_file(options.out, raceline_text(columns, [comment]).encode())
+        with writing(options.out):
+            write_file(options.out, raceline_text(columns, [comment]).encode())
         print(f"{options.out}: {', '.join(columns)}, {len(file.points)} points, {columns['s_m'][-1]:.1f} m")
         return 0
     if options.line is not None:
         name = f"{name.removesuffix(']')}{',' if name.endswith(']') else '['}line={options.line}]"
-    track = load_centreline(name)
+    with noting_files() as read:
+        track = load_centreline(name)
+    require_new(options.out, force=options.force, reads=read)
     write_centreline(track, options.out, [comment])
     print(f"{options.out}: {describe_course(track)}")
     return 0

@@ -18,7 +18,6 @@ linearly.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -30,6 +29,7 @@ import numpy as np
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import FloatArray
 from ..registry import PARTS
+from .documents import comment
 from .files import foreign_kind, is_file, read_text
 from .line_file import LineFile, read_line_file, require_closed
 from .line_names import COLUMNS
@@ -50,6 +50,7 @@ _MILLIMETRES = 600.0  # a number of so many, or more, is a width of this kind of
 _SPECIFICATION = re.compile(r"(?P<path>.*\.(?:csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?", re.IGNORECASE)
 _ANY = re.compile(r"(?P<path>.+)\[(?P<settings>.*)\]")
 _REPEATED = 1e-3  # [m] points nearer than this are one
+_GREATEST_SCALE = 1e6  # of a course, and a width in metres: numbers in messages stay short
 _JUMP = 5.0  # times the usual width: a width that is no longer that of a wall beside the line
 
 
@@ -75,7 +76,7 @@ def write_centreline(track: Track, path: str | Path, header_lines: Sequence[str]
 def centreline_text(track: Track, header_lines: Sequence[str] = ()) -> str:
     """Return the text of the file that `write_centreline` writes."""
     rows = np.column_stack((track.centreline, track.width_right, track.width_left)).tolist()
-    lines = [f"# {line}" for line in (*header_lines, ", ".join(COLUMNS))]
+    lines = [f"# {comment(line)}" for line in (*header_lines, ", ".join(COLUMNS))]
     lines += [", ".join(repr(value) for value in row) for row in rows]
     return "\n".join(lines) + "\n"
 
@@ -107,16 +108,16 @@ def read_centreline(
         an unknown direction, or what `Track` refuses.
     """
     path = Path(path)
-    if not 0.0 < scale < math.inf:
-        raise TrackError(f"{path}: scale is {scale!r}; accepted: a positive number")
+    if not 1.0 / _GREATEST_SCALE <= scale <= _GREATEST_SCALE:
+        raise TrackError(f"{path}: scale is {scale!r}; accepted: {1.0 / _GREATEST_SCALE:g} to {_GREATEST_SCALE:g}")
     points, widths, file = _read(path, boundary, scale, line, said=said)
     if width is not None:
         if file.walls is not None:
             raise TrackError(f"{path}: width is {width!r}, but the two boundaries are the walls; accepted: none")
         if widths is not None:
             file = replace(file, said=f"{file.said}; width={width:g} in place of its widths")
-        if not 0.0 < width < math.inf:
-            raise TrackError(f"{path}: width is {width!r}; accepted: a positive number of metres")
+        if not 0.0 < width <= _GREATEST_SCALE:
+            raise TrackError(f"{path}: width is {width!r}; accepted: metres above 0, at most {WIDEST_ROAD:g}")
         widths = np.full((2, len(points)), 0.5 * width)
         try:
             _require_metres(points, widths)

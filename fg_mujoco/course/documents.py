@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,6 +113,25 @@ def read_value(text: str) -> Any:
     return found
 
 
+def parse_json(text: str | bytes) -> Any:
+    """Return the value of a JSON text as it stands.
+
+    Raises:
+      ValueError, RecursionError: it is no JSON, or an object has a key twice.
+    """
+    return json.loads(text, object_pairs_hook=_once)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the object of some pairs of JSON, each with another key."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in found if keys.count(key) > 1)
+        raise ValueError(f"the key {shown(twice)} is given twice")
+    return found
+
+
 def read_json(text: str | bytes, accepted: str) -> Any:
     """Return the value of a JSON text.
 
@@ -124,7 +143,7 @@ def read_json(text: str | bytes, accepted: str) -> Any:
       SettingsError: it is no JSON, is nested too deep, or has a number that is not finite or too large.
     """
     try:
-        found = json.loads(text)
+        found = parse_json(text)
     except (ValueError, RecursionError) as error:
         reason = "nested too deep" if isinstance(error, RecursionError) else error
         raise SettingsError(f"is no JSON: {reason}; accepted: {accepted}") from error
@@ -162,6 +181,16 @@ def toml_text(values: Mapping[str, Any]) -> str:
             lines += ["", f"[[{_key(name)}]]"]
             lines += [f"{_key(key)} = {_text(part)}" for key, part in table.items() if part is not None]
     return "\n".join(lines) + "\n"
+
+
+def comment(text: str) -> str:
+    """Return a text as it can stand in a comment: in one line, with control characters as `repr` has them."""
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
+
+
+def xml_comment(lines: Iterable[str]) -> str:
+    """Return lines as they can stand in a comment of XML, which has no two hyphens in a row."""
+    return re.sub("-(?=-)", "- ", "\n  ".join(("", *map(comment, lines), "")))
 
 
 def _is_tables(value: Any) -> bool:

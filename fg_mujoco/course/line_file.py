@@ -29,6 +29,7 @@ add-on.
 
 from __future__ import annotations
 
+import io
 import math
 import re
 import warnings
@@ -41,11 +42,14 @@ import numpy as np
 from ..errors import Note, TrackError
 from ..messages import FloatArray
 from ..registry import PARTS
+from .documents import comment
 from .files import read_bytes
 from .line_names import COLUMNS, RACELINE, SHOWN, lines_of, name_a_line, places_of, plain_name, unit_of
 
 MOST_POINTS = 200_000
 """Work on a line grows with its points."""
+MOST_COLUMNS = 200
+_MOST_CELLS, _MOST_ABOVE, _MOST_CHARACTERS = 3_000_000, 1000, 20_000  # in all, lines above the first point, in a line
 
 FOREIGN = (".json", ".npy", ".yaml", ".yml")
 """Suffixes of files that the add-on `formats` makes tables of."""
@@ -115,9 +119,7 @@ def read_line_file(path: str | Path, *, course: bool, line: str | None = None) -
     else:
         table = read_text_table(path)
     path = table.path or path
-    if len(table.rows) > MOST_POINTS:
-        place = f"{table.row} {table.places[MOST_POINTS]}"
-        raise TrackError(f"{path}: {place}: more than {MOST_POINTS} points; accepted: {MOST_POINTS} at most")
+    require_few(path, len(table.rows), "point")
     return _understood(path, table, course)
 
 
@@ -188,7 +190,7 @@ def _named_by_rows(path: Path, table: Table) -> Table:
     wrong = ""
     if names == RACELINE and not _is_distance(rows[:, 0], points):
         wrong = "the first is no distance along the line"
-    elif len(names) > 4 and _bends(points) and not turns[0] and np.ptp(rows[:, at + 2]) > 0.0:
+    elif len(names) > 4 and _bends(points) and not turns[0] and rows[:, at + 2].max() > rows[:, at + 2].min():
         wrong = f"column {at + 3} is not its heading"
     elif len(names) > 2 and len(flat := np.flatnonzero(np.ptp(points, axis=0) == 0.0)) == 1:
         wrong = f"column {at + int(flat[0]) + 1} is {points[0, flat[0]]:g} everywhere"
@@ -202,7 +204,7 @@ def _named_by_rows(path: Path, table: Table) -> Table:
 
 def raceline_text(columns: Mapping[str, FloatArray], comments: Iterable[str] = ()) -> str:
     """Return the text of a file of columns (n,) by their names, those of RACELINE, with comments above."""
-    lines = [f"# {line}" for line in (*comments, "; ".join(columns))]
+    lines = [f"# {comment(line)}" for line in (*comments, "; ".join(columns))]
     lines += ["; ".join(f"{value:.7f}" for value in row) for row in zip(*columns.values(), strict=True)]
     return "\n".join(lines) + "\n"
 
@@ -282,6 +284,17 @@ def read_line_bytes(path: Path) -> bytes:
         raise TrackError(f"{path}: cannot be read: {error.strerror or error}; {accepted}") from error
 
 
+def require_few(where: object, number: int, what: str) -> None:
+    """Refuse a file of more points or columns than a line has.
+
+    Raises:
+      TrackError: it is so.
+    """
+    most = MOST_POINTS if what == "point" else MOST_COLUMNS
+    if number > most:
+        raise TrackError(f"{where}: more than {most} {what}s; accepted: {most} at most")
+
+
 def _split(path: Path, text: str, said: str) -> Table:
     """Return the table of a text."""
     columns: tuple[str, ...] = ()
@@ -289,11 +302,18 @@ def _split(path: Path, text: str, said: str) -> Table:
     above, above_line = "", 0  # the last comment, which may be a header
     rows: list[list[str]] = []
     places: list[int] = []
-    for number, line in enumerate(re.split("\r\n|\r|\n", text), start=1):
+    for number, line in enumerate(io.StringIO(text, newline=None), start=1):
+        if len(line) > _MOST_CHARACTERS:
+            said = f"line {number} has {len(line)} characters"
+            raise TrackError(f"{path}: {said}; accepted: {_MOST_CHARACTERS} at most in a line")
+        if number - len(rows) > (MOST_POINTS if rows else _MOST_ABOVE):
+            said = f"{number - len(rows)} lines without a point"
+            raise TrackError(f"{path}: {said}; accepted: {_MOST_ABOVE} above the first, {MOST_POINTS} in all")
         content = line.strip()
-        cells = _cells(content)
         if not content or (content.startswith("#") and (rows or is_bare)):
             continue
+        cells = _cells(content)
+        require_few(f"{path}: line {number}", len(cells), "column")
         if content.startswith("#"):
             above, above_line = content.lstrip("#").rpartition(":")[2].strip(), number
             if lines_of(_cells(above)):
@@ -315,8 +335,9 @@ def _split(path: Path, text: str, said: str) -> Table:
             raise TrackError(f"{path}: line {number} has {len(cells)} columns; accepted: {accepted}")
         rows.append(cells)
         places.append(number)
-        if len(rows) > MOST_POINTS:
-            break
+        require_few(f"{path}: line {number}", len(rows), "point")
+        if len(rows) * len(cells) > _MOST_CELLS:
+            raise TrackError(f"{path}: more than {_MOST_CELLS} cells; accepted: {_MOST_CELLS} at most")
     if not rows:
         raise TrackError(f"{path}: is empty; accepted: one point a line, {', '.join(COLUMNS)}")
     header_line = f"line {header}" if header else ""
@@ -434,11 +455,15 @@ def _bends(points: FloatArray) -> bool:
 
 def _is_heading(points: FloatArray, column: FloatArray) -> bool:
     """Return whether a column [rad or deg] turns with a line that bends, whatever it is counted from."""
-    return _bends(points) and any(_agrees(points, angles) > _HEADING for angles in (column, np.radians(column)))
+    if not (np.isfinite(column).all() and _bends(points)):
+        return False
+    return any(_agrees(points, angles) > _HEADING for angles in (column, np.radians(column)))
 
 
 def _is_distance(column: FloatArray, points: FloatArray) -> bool:
     """Return whether a column is about the distance along a line: it grows, by half to twice the line's length."""
+    if not np.isfinite(column).all():
+        return False
     length = float(np.hypot(*np.diff(points, axis=0).T).sum())
     return bool((np.diff(column) >= 0.0).all()) and 0.5 * length <= column[-1] - column[0] <= 2.0 * length
 
@@ -452,8 +477,10 @@ def _is_number(cell: str) -> bool:
 
 
 def _cell(cell: str | float) -> float:
-    """Return the number of a cell; NaN where it is none."""
+    """Return the number of a cell; NaN where it is none, as JSON's true."""
     try:
-        return float(cell)
+        return math.nan if isinstance(cell, bool) else float(cell)
+    except OverflowError:  # a whole number of hundreds of digits
+        return math.inf
     except (TypeError, ValueError):
         return math.nan

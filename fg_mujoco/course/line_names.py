@@ -51,6 +51,7 @@ _SPEEDS = {"": 1.0, "mps": 1.0, "m_s": 1.0, "ms": 1.0, "kmh": 1.0 / 3.6, "km_h":
 _ANGLES = {"": 1.0, "rad": 1.0, "radians": 1.0, "deg": math.pi / 180.0, "degrees": math.pi / 180.0}
 _OTHERS = {"": 1.0, "radpm": 1.0, "rad_m": 1.0, "1_m": 1.0, "mps2": 1.0, "m_s2": 1.0, "ms2": 1.0}
 _UNITS = {"speed": _SPEEDS, "psi": _ANGLES, "kappa": _OTHERS, "ax": _OTHERS}
+_LONGEST = 100  # name of a column that may be known
 _VARIANT = re.compile(r"_(iqp|sp|opt|racetraj|raceline)$")  # of which optimiser a column is
 _OF_A_MESSAGE = re.compile(r".*_((position|pose|linear)_[xyz])")  # of ROS, behind what it is in: pose.pose.position.x
 
@@ -63,6 +64,8 @@ def unit_of(name: str, quantity: str) -> float:
 
 def plain_name(name: str, units: Iterable[str] = _LENGTHS) -> tuple[str, str]:
     """Return a name in small letters without its unit, and the unit, one of some."""
+    if len(name) > _LONGEST:
+        return name, ""
     name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.strip()).casefold()
     words = [word for word in re.split(r"[\s_\-\[\](){}/^.]+", name) if word]
     count = next((n for n in (2, 1) if len(words) > n and "_".join(words[-n:]) in units), 0)

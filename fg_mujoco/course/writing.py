@@ -21,7 +21,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from ..errors import FgMujocoError
+from ..errors import FgMujocoError, RunFolderError
 from .files import require_regular
 
 try:
@@ -57,6 +57,22 @@ def write_files(contents: Mapping[Path, Content]) -> None:
                 file.write(content) if isinstance(content, bytes) else content(file)
                 file.flush()
                 os.fsync(file.fileno())  # what does not fit on the disk is refused before any is moved
+
+
+@contextmanager
+def writing(path: str | Path) -> Iterator[None]:
+    """Refuse a file that cannot be written.
+
+    Raises:
+      RunFolderError: it cannot.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise RunFolderError(
+            f"{path}: cannot be written: {reason}; accepted: a file in a folder that can be"
+        ) from error
 
 
 @contextmanager
@@ -120,7 +136,7 @@ def staged_folder(folder: Path, last: str) -> Iterator[Path]:
     """Yield a new folder to write files to; in the end they are moved into `folder`, or removed if there was an error.
 
     Args:
-      folder: that this process has claimed, without files of the same names.
+      folder: that this process has claimed; files of the same names in it are replaced.
       last: the file that is moved last: where it is, all are.
 
     Raises:
@@ -136,6 +152,9 @@ def staged_folder(folder: Path, last: str) -> Iterator[Path]:
             _wait_for_disk(aside / name, strict=True)
         for name in names:
             os.replace(aside / name, folder / name)
+    except FgMujocoError as error:  # of a file aside, which is named by its place
+        error.args = (str(error).replace(str(aside), str(folder)), *error.args[1:])
+        raise
     finally:
         _remove_folder(aside)
         os.close(descriptor)

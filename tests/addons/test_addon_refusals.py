@@ -32,6 +32,7 @@ from fg_mujoco.addons.realcar.measured_errors import MeasuredErrors
 from fg_mujoco.addons.ros.bag_frames import rotation as rotation_of
 from fg_mujoco.addons.ros.bag_scans import Mount, to_scan
 from fg_mujoco.addons.servers.autodrive.devkit import split_address
+from fg_mujoco.course.maps.export import export_tracks
 from fg_mujoco.envs.gym_environment import F1TenthEnv
 from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.racing.planners import ControllerChoice
@@ -122,9 +123,8 @@ LINES = [
     ("report run --out no/such/folder/page.html --no-clip", "cannot be written"),
     # realcar
     ("identify nothing --out tires.toml", "nothing: cannot be read"),
-    ("identify . --out tires.toml", "no summary.json"),
+    ("identify card --out tires.toml", "no summary.json"),
     ("identify run --out tires.txt", "tires.txt: is no name for a file of tires; accepted: one that ends in .toml"),
-    ("identify run --out box.toml", "box.toml: exists; accepted: a new file, or --force"),
     ("identify run --out tires.toml --report page.pdf", "page.pdf: is no name for a page"),
     ("identify run --out tires.toml --vehicle nuc", "did you mean 'nuc2'?"), ("identify run", "--out"),
     # ros
@@ -133,6 +133,26 @@ LINES = [
     # servers
     *((f"serve autodrive --devkit={address}", "accepted: HOST or HOST:PORT, such as 127.0.0.1:4567")
       for address in ("", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:x", "127.0.0.1:70000", ":4567")),
+    # all that write a file or a folder
+    *((f"{line} taken{ending}", f"taken{ending}: exists; accepted: a new file, or --force")
+      for line, ending in {
+          "track show oval --out": ".png", "track new --seed 1": ".csv", "track export oval": ".yaml",
+          "track convert line.csv": ".csv", "raceline oval --out": ".csv", "raceline oval --picture": ".png",
+          "render run --frame 0 --out": ".png", "render run --out": ".mp4", "race --video": ".mp4",
+          "report run --out": ".html", "debug run --out": ".html", "export run --out": ".mcap",
+          "map oval --out": ".yaml", "identify run --out": ".toml", "identify run --out tires.toml --report": ".html",
+          "validate run --csv": ".csv", "validate run --report": ".html",
+      }.items()),
+    ("report run", "report.html: exists; accepted: a new file"),
+    ("track from-image taken.png --resolution 1", "taken.yaml: exists; accepted"),
+    *((f"{line} --out taken", "taken: ") for line in (
+          "race", "bench straight", "car params.yaml", "friction skidpad", "rollout --n 2", "train", TWO[:-10],
+          "compare --track oval", "overtake --track oval", "study small.toml straight")),
+    *((f"{line} --force", "is read by this command; accepted: another file") for line in (
+          "track show taken.yaml --out taken.png", "track export taken.yaml taken.yaml", "map taken.yaml --out taken",
+          "track convert line.csv line.csv", "track export line.csv line.csv", "raceline line.csv --out line.csv",
+          "raceline taken.yaml --picture taken.png", "bench straight --suite card/card.json --out card",
+          "identify run --out tires.toml --report taken.html --columns taken.html")),
 ]  # fmt: skip
 
 
@@ -141,6 +161,14 @@ def filled(tmp_path_factory):
     """A folder with a run and with files that the lines name."""
     folder = tmp_path_factory.mktemp("filled")
     fg.write_run(fg.race("oval", time_limit=0.2), folder / "run", picture=False)
+    (folder / "run" / "report.html").write_text("mine")
+    export_tracks(fg.load_track("oval"), [folder / "taken.yaml", folder / "line.csv"])
+    for name in ("taken", "taken.csv", "taken.mp4", "taken.html", "taken.mcap", "taken.toml"):
+        (folder / name).touch()
+    (folder / "card").mkdir()
+    (folder / "params.yaml").write_text("m: 3.5\n")
+    for name in ("small.toml", "card/card.json"):
+        (folder / name).write_text(SUITE)
     (folder / "broken.py").write_text("import nothing_there\n\nclass Planner: pass\n")
     entries = ('controller = "gap_finder"\nstart_s = 1.0', 'controller = "pure_pursuit"')
     (folder / "starts.toml").write_text("".join(f"[[entries]]\n{entry}\n\n" for entry in entries))

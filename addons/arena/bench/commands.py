@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 
 from fg_mujoco.cli.command import FORCE, JSON, OUTPUT, WORKERS, command, option
-from fg_mujoco.cli.out import require_new
+from fg_mujoco.cli.out import new_files
 from fg_mujoco.cli.progress import study
-from fg_mujoco.course.writing import write_file
+from fg_mujoco.course.writing import staged_folder, write_file, writing
 from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.rollouts.store import as_json
 
@@ -34,14 +34,14 @@ PAGE, DATA = "card.html", "card.json"
 def bench_command(options: argparse.Namespace) -> int:
     """Drive a planner through a suite of courses and conditions, and write its card: one page, and one JSON."""
     suite = read_suite(options.suite)
-    for name in (PAGE, DATA) if options.out is not None else ():
-        require_new(options.out / name, force=options.force)
-    with study(options, "runs", StudyProgress.counts) as watch:
-        card = bench(options.planner, suite, workers=options.workers, watch=watch)
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
-        write_file(options.out / DATA, as_json(card.described()).encode())
-        write_card_page(card, options.out / PAGE)
+    files = () if options.out is None else (options.out / PAGE, options.out / DATA)
+    with new_files(options.out, *files, options=options):
+        with study(options, "runs", StudyProgress.counts) as watch:
+            card = bench(options.planner, suite, workers=options.workers, watch=watch)
+        if options.out is not None:
+            with writing(options.out), staged_folder(options.out, last=PAGE) as aside:
+                write_file(aside / DATA, as_json(card.described()).encode())
+                write_card_page(card, aside / PAGE)
     print(as_json(card.described()) if options.json else card_text(card))
     if options.out is not None and not options.json:
         print(f"page: {options.out / PAGE}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from fg_mujoco.course.documents import comment
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.errors import SettingsError
 
@@ -51,26 +52,24 @@ def tire_text(found: Identification) -> str:
     return "\n".join(lines)
 
 
-def check_tire_file(path: Path, *, force: bool = False) -> None:
-    """Make sure that tires can be written to a file.
+def check_tire_file(path: Path) -> None:
+    """Make sure that the name of a file is one of tires.
 
     Raises:
-      SettingsError: another suffix, or a file that exists, unless it may be replaced.
+      SettingsError: another suffix.
     """
     if path.suffix.lower() != ".toml":
         raise SettingsError(f"{path}: is no name for a file of tires; accepted: one that ends in .toml, or a folder's")
-    if path.exists() and not force:
-        raise SettingsError(f"{path}: exists; accepted: a new file, or --force to replace it")
 
 
-def write_tires(found: Identification, path: str | Path, *, force: bool = False) -> Path:
-    """Write identified tires as a TOML file, and return its path.
+def write_tires(found: Identification, path: str | Path) -> Path:
+    """Write identified tires as a TOML file, and return its path; one that exists is replaced.
 
     Raises:
-      SettingsError: another suffix, a file that exists, or one that cannot be written.
+      SettingsError: another suffix, or a file that cannot be written.
     """
     path = Path(path)
-    check_tire_file(path, force=force)
+    check_tire_file(path)
     try:
         write_file(path, tire_text(found).encode())
     except OSError as error:
@@ -130,8 +129,3 @@ def _rolling(found: Identification, source: str) -> list[str]:
 
 def _half(estimate: Estimate) -> str:
     return f"+- {estimate.half:.2g}" if math.isfinite(estimate.half) else "at the bound of the search"
-
-
-def comment(text: str) -> str:
-    """Return a text as it can stand behind a # of TOML: in one line, without control characters."""
-    return "".join(character if character.isprintable() else " " for character in text)

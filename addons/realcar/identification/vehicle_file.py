@@ -19,6 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
+from fg_mujoco.course.documents import xml_comment
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.vehicle.car import WHEELS
@@ -26,7 +27,6 @@ from fg_mujoco.vehicle.command_response import ACCELERATION_MAP, STEERING_MAP
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 from .identification import Identification
-from .tire_file import comment
 
 _SAMPLES = 32  # of a servo's delay, as vehicle/changes.py has them
 _STOP = {"limited": "true", "solreflimit": "-30000 -300", "solimplimit": "0.99 0.999 0.001"}
@@ -60,8 +60,7 @@ def vehicle_text(found: Identification, vehicle: Vehicle, *, name: str, tires: s
         *notes,
         *(f"Not told by the drives, and so the vehicle's: {each}." for each in found.untold),
     ]
-    lines = [comment(line).replace("--", "- -") for line in heading]
-    root.insert(0, ElementTree.Comment("\n  ".join(("", *lines, ""))))
+    root.insert(0, ElementTree.Comment(xml_comment(heading)))
     root[0].tail = "\n  "
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, RESOLUTION, UNKNOWN
+from fg_mujoco.course.documents import comment
+from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, RESOLUTION, UNKNOWN, image_line
 from fg_mujoco.course.writing import write_files
 from fg_mujoco.errors import BagError, SettingsError
 from fg_mujoco.messages import FloatArray
@@ -147,7 +148,7 @@ def map_files(path: str | Path) -> tuple[Path, Path]:
     return path, path.with_suffix(".png")
 
 
-def write_map(made: RecordedMap, path: str | Path, comment: str = "") -> tuple[Path, Path]:
+def write_map(made: RecordedMap, path: str | Path, heading: str = "") -> tuple[Path, Path]:
     """Write a map as a YAML of map_server and a PNG in the same folder; files that exist are replaced.
 
     Raises:
@@ -167,9 +168,10 @@ def write_map(made: RecordedMap, path: str | Path, comment: str = "") -> tuple[P
     picture = io.BytesIO()
     Image.fromarray(levels[::-1]).save(picture, "PNG", optimize=True)
     (x, y), start = made.origin, made.start
+    poses = f"{made.source}{', corrected by the scans' if made.matched else ''}"
     text = (
-        f"# {comment or 'made from a bag'}; poses: {made.source}{', corrected by the scans' if made.matched else ''}\n"
-        f"image: {files[1].name}\nresolution: {made.resolution!r}\norigin: [{x!r}, {y!r}, 0.0]\n"
+        f"# {comment(heading or 'made from a bag')}; poses: {comment(poses)}\n{image_line(files[1].name)}"
+        f"resolution: {made.resolution!r}\norigin: [{x!r}, {y!r}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n"
         f"starting_positions: [[{start[0]:.3f}, {start[1]:.3f}, {start[2]:.4f}]]\n"
     )

@@ -18,11 +18,12 @@ from ...errors import SettingsError, TrackError
 from ...messages import FloatArray
 from ..centreline_csv import centreline_text
 from ..course import Course
+from ..documents import comment
 from ..polyline import enclosed_area
 from ..track import Track
 from ..track_mesh import wall_mesh
 from ..writing import write_files
-from .map_server import RESOLUTION, require_maps_extra
+from .map_server import RESOLUTION, image_line, require_maps_extra
 from .walls import outlines
 
 SUFFIXES = (".yaml", ".csv", ".obj", ".stl", ".glb")
@@ -158,9 +159,9 @@ def _map_files(
     Image.fromarray(np.where(free[::-1], _FREE, _OCCUPIED).astype(np.uint8)).save(picture, "PNG", optimize=True)
     (x, y), counterclockwise = track.centreline[0], enclosed_area(track.centreline) > 0.0
     settings = f"start={x:.3f}:{y:.3f},direction={'counterclockwise' if counterclockwise else 'clockwise'}"
+    heading = f"track {track.name}; its own start and direction: {Path(image).stem}.yaml[{settings}]"
     text = (
-        f"# track {track.name}; its own start and direction: {Path(image).stem}.yaml[{settings}]\n"
-        f"image: {image}\n"
+        f"# {comment(heading)}\n{image_line(image)}"
         f"resolution: {resolution!r}\n"
         f"origin: [{float(origin[0])!r}, {float(origin[1])!r}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n"

@@ -46,6 +46,7 @@ SPECK = 9
 _RESOLUTIONS = (0.001, 1.0)  # [m] of a pixel: from a millimetre to more than a car
 _FURTHEST = 1e4  # [m] from the world's origin: MuJoCo keeps meshes of walls in single precision, 1 mm there
 _GREATEST = 1e300  # of a number at all: whole numbers of YAML have no end
+_MOST_YAML = 2**17  # characters of a YAML
 _MOST_BYTES, _MOST_CHARACTERS, _DEEPEST = 2**20, 1000, 20  # of a YAML, of one value in it, levels of it
 
 _UNKNOWN, _UNKNOWN_THRESH = 205.0, 0.196
@@ -239,6 +240,13 @@ def image_yaml(image: Path, resolution: float, *, negate: bool = False) -> str:
     return str(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True))
 
 
+def image_line(name: str) -> str:
+    """Return the line of a map's YAML that names its image."""
+    import yaml
+
+    return str(yaml.safe_dump({"image": name}, allow_unicode=True, width=math.inf))
+
+
 def _shares(levels: NDArray[Any], free: BoolArray, occupied: BoolArray, transparent: BoolArray) -> str:
     """Return the numbers of free, occupied, unknown and transparent pixels, by the meaning of each brightness."""
     counts = np.bincount(levels.ravel(), minlength=len(free)) / levels.size
@@ -308,11 +316,17 @@ def plain_yaml(text: str | bytes, loader: Any = None) -> Any:
     """
     import yaml
 
+    if len(text) > _MOST_YAML:  # it takes 20 us a character
+        raise ValueError(f"it has more than {_MOST_YAML} characters")
     return yaml.load(text, loader or plain_loader())
 
 
-def plain_loader() -> Any:
-    """Return a loader of YAML that refuses aliases, which multiply, deep nesting, and values of many characters."""
+def plain_loader(last_counts: str = "") -> Any:
+    """Return a loader of YAML that refuses aliases, which multiply, deep nesting, long values, and a key twice.
+
+    Args:
+      last_counts: the file in which the last of a key's values counts, as for ROS, which is said; nothing: none does.
+    """
     import yaml
 
     class PlainLoader(yaml.SafeLoader):  # type: ignore[misc]
@@ -334,6 +348,18 @@ def plain_loader() -> Any:
                 return super().compose_node(parent, index)
             finally:
                 self.depth -= 1
+
+        def compose_mapping_node(self, anchor: Any) -> Any:
+            node = super().compose_mapping_node(anchor)
+            seen: set[str] = set()
+            for key, _ in node.value:
+                if str(key.value) in seen:
+                    said = f"line {key.start_mark.line + 1}: the key {key.value!r} is given twice"
+                    if not last_counts:
+                        raise ValueError(said)
+                    warnings.warn(f"{last_counts}: {said}; the last counts, as for ROS", stacklevel=2)
+                seen.add(str(key.value))
+            return node
 
     # YAML 1.2, which map_server and ROS 2 read: for PyYAML, which reads YAML 1.1, 1e-06 and -.5 are no numbers
     PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))

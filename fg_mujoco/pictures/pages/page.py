@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
 
-from ...course.writing import write_file
+from ...course.files import is_file
+from ...course.writing import write_file, writing
 from ...display import Html, element, html
-from ...errors import RunFolderError
 from .bokeh_plots import library
 
 LIBRARY = "bokeh.min.js"
@@ -67,10 +66,10 @@ def write_page(
         tags.append(element("script", Html(text), type="application/json", id="report-data"))
     tags += [element("script", Html(each)) for each in scripts]
     page = html(
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{policy}\n'
+        "{head}{policy}\n"
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         "<title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n{body}\n{tags}\n</body>\n</html>\n",
-        policy=Html(f'<meta http-equiv="Content-Security-Policy" content="{policy}">'),
+        head=Html(_HEAD), policy=Html(f'{_POLICY}"{policy}">'),
         title=title, style=Html(style), body=body, tags=tags,
     )  # fmt: skip
     with writing(path):
@@ -78,22 +77,17 @@ def write_page(
     return Path(path)
 
 
-@contextmanager
-def writing(path: str | Path) -> Iterator[None]:
-    """Refuse a file that cannot be written.
-
-    Raises:
-      RunFolderError: it cannot.
-    """
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise RunFolderError(
-            f"{path}: cannot be written: {reason}; accepted: a file in a folder that can be"
-        ) from error
+def is_page(path: str | Path) -> bool:
+    """Return whether a file is a page that `write_page` wrote, of any content."""
+    if not is_file(path):
+        return False
+    head = f"{_HEAD}{_POLICY}".encode()
+    with open(path, "rb") as file:
+        return file.read(len(head)) == head
 
 
+_HEAD = '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+_POLICY = '<meta http-equiv="Content-Security-Policy" content='
 _NONE = "'none'"  # of a policy that allows no script
 
 

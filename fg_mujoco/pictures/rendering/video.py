@@ -65,20 +65,11 @@ def check_video(path: str | Path, size: tuple[int, int]) -> Path:
     if path.suffix.lower() == ".mp4" and (size[0] % 2 or size[1] % 2):
         raise SettingsError(f"the size is {size[0]} x {size[1]} pixels; accepted for MP4: even numbers")
     require_encoder()
-    check_place(path)
-    return path
-
-
-def check_place(path: Path) -> None:
-    """Refuse a file in a folder that is not there or cannot be written.
-
-    Raises:
-      SettingsError: so it is.
-    """
     try:
         require_writable(path)
     except OSError as error:
         raise _unwritable(path, error.strerror or str(error)) from error
+    return path
 
 
 def write_video(

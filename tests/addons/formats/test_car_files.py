@@ -7,6 +7,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
+from fg_mujoco.addons.formats import cars
 from fg_mujoco.addons.formats.cars import car_of
 from fg_mujoco.addons.gym2d.params import own_params
 from fg_mujoco.cli.main import main
@@ -33,6 +34,7 @@ SLIPX = {
     "tyres/sponge.yaml": {"nominal_load": 8.6, "linear": {"c_alpha": 60.0}, "friction": {"mu_y0": 1.1, "k_mu": 0.15},
                           "mf_lite": {"C": 1.68, "E": 0.42}, "relaxation": {"sigma": 0.05}},
 }  # fmt: skip
+SLIP = {"c_alpha": 40, "nominal_load": 8, "mu_y0": 0.9, "C": 1.5, "mass": 3}  # of SlipX's tyres
 LINK = (
     '<link name="{}"><inertial><mass value="{}"/><origin xyz="{}"/><inertia ixx=".01" iyy=".03" izz="{}"/></inertial>'
     "<collision><geometry><{}/></geometry></collision></link>"
@@ -148,6 +150,31 @@ def test_the_command_writes_a_vehicle_that_drives_alike_and_a_page(folder, capsy
     assert main(["car", "NUC2", "--out", "mine"]) == 2
 
 
+ODD = ["a--->", "a--", "x\nrelaxation_length = 9", "x\n[front]\nD = 9.0", "x\x01y", "x\x1b[31mred\x07", "<script>a<"]
+
+
+@each("name", ODD)
+def test_a_name_of_any_characters_is_text_in_what_is_written(folder, name, capsys):
+    write(folder, "plain.yaml", GYM)
+    write(folder, 'odd"\n.yaml', json.dumps(GYM | {name: 1}))
+    assert main(["car", "plain.yaml", "--out", "mine"]) == main(["car", 'odd"\n.yaml', "--out", "mine"]) == 0
+    assert "\x1b" not in capsys.readouterr().out
+    plain, odd = (Vehicle.load(f"mine/{each}.xml") for each in ("plain", "odd_"))
+    assert odd.tires.axles == plain.tires.axles and odd.parameters == plain.parameters
+    assert "<script>" not in (folder / "mine/odd_.html").read_text()
+
+
+def test_a_car_that_cannot_be_loaded_leaves_what_was_there(folder, monkeypatch, capsys):
+    write(folder, "car.yaml", GYM)
+    assert main(["car", "car.yaml", "--out", "mine"]) == 0
+    before = {path.name: path.read_bytes() for path in (folder / "mine").iterdir()}
+    monkeypatch.setattr(cars, "xml_comment", lambda lines: "--><oops>")
+    assert main(["car", "car.yaml", "--out", "mine", "--force"]) == 2
+    assert main(["car", "car.yaml", "--out", "other"]) == 2 and not (folder / "other").exists()
+    assert {path.name: path.read_bytes() for path in (folder / "mine").iterdir()} == before
+    assert ".partial" not in capsys.readouterr().err
+
+
 @each(
     ("name", "content", "message"),
     [
@@ -159,6 +186,14 @@ def test_the_command_writes_a_vehicle_that_drives_alike_and_a_page(folder, capsy
         ("a.yaml", {"m": 3.7, "Bf": 5.0, "mu": 1.0}, "of the Magic Formulas is not told Cf, Df"),
         ("a.yaml", {"m": 3.7, "mu": 0.9, "I": 0.0002}, "no such car can be built"),
         ("a.yaml", "m: [", "a.yaml: "),
+        ("a.yaml", "m: 3\nm: 4", "line 2: the key 'm' is given twice"),
+        ("a.yaml", {"m": int("9" * 400)}, "m is inf; accepted: 0.1 to 5000 kg"),
+        ("a.yaml", SLIP | {"mu_y0": 0}, "mu_y0 is 0; accepted: a number above 0"),
+        ("a.yaml", SLIP | {"C": 0}, "C is 0; accepted: a number above 0"),
+        ("a.yaml", {f"{name}_{axle}": value for axle in "fr" for name, value in zip("BCD", (5, 0, 1), strict=True)},
+         "Magic Formula of B 5, C 0, D 1, E 0 has no force"),
+        ("a.urdf", "<robot><link name='a'><inertial><mass value='0'/></inertial></link></robot>", "masses of its"),
+        ("a.urdf", "<robot><link name='a'><inertial><mass value='1e308'/></inertial></link></robot>", "no car has"),
         ("a.urdf", "<robot><link name='a'/></robot>", "no link has a mass"),
         ("a.xacro", "<robot xmlns:xacro='x'><xacro:if/></robot>", "the URDF that `xacro a.xacro > car.urdf` writes"),
         ("a.yaml", {"m": 3.7, "Bf": 9.0, "Cf": 1.4, "Df": 18.0}, "Df is 18; accepted: 0.001 to 3 times the load"),
