@@ -14,12 +14,12 @@ import dataclasses
 import functools
 import inspect
 import types
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from .errors import ArgumentError, accepted_names, nearest
+from .errors import ArgumentError, SettingsError, accepted_names, nearest
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -198,3 +198,18 @@ def _made_again(kind: Any, args: tuple[Any, ...], named: dict[str, Any], since: 
     for (method, _), given in since.items():
         getattr(made, method)(*given)
     return made
+
+
+def with_underscores(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by name, as a file of settings may spell the names: with hyphens.
+
+    Raises:
+      SettingsError: a name is there twice, with hyphens and without.
+    """
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        plain = name.replace("-", "_")
+        if plain in found:
+            raise SettingsError(f"{name!r} was given before; accepted: each setting once")
+        found[plain] = value
+    return found

@@ -11,21 +11,24 @@ from __future__ import annotations
 
 import importlib.util
 import io
-import json
 from collections.abc import Iterator, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fg_mujoco.course.documents import parse_json
 from fg_mujoco.course.files import read_text
-from fg_mujoco.course.line_file import Table, read_text_table, unnamed
+from fg_mujoco.course.line_file import MOST_POINTS, Table, read_text_table, require_few, unnamed
 from fg_mujoco.course.line_file import read_line_bytes as read_bytes
 from fg_mujoco.course.line_names import name_a_line
 from fg_mujoco.course.maps.map_server import plain_yaml
 from fg_mujoco.errors import TrackError, missing_extra
 
 _DEEPEST = 6  # levels of JSON that are searched for lines
+_MOST_VALUES = 10 * MOST_POINTS  # of a file in JSON
+_MOST_OBJECTS = 2000  # of JSON that are searched for lines
 _MOST_COLUMNS = 7  # of an array that lies on its side
 
 
@@ -51,10 +54,12 @@ def line_table(path: Path, *, course: bool, line: str | None) -> Table:
 def _json(path: Path, course: bool, line: str | None) -> Table:
     text = read_bytes(path)
     try:
-        content = json.loads(text)
+        if text.count(b",") > _MOST_VALUES:
+            raise ValueError(f"it has more than {_MOST_VALUES} values")
+        content = parse_json(text)
     except (ValueError, RecursionError) as error:
         raise TrackError(f"{path}: is no JSON: {error}; accepted: rows or columns with the names x and y") from error
-    found = dict(_lines(path, content, path.stem, 0))
+    found = dict(_lines(path, content, path.stem, 0, count(1)))
     named = ", ".join(found)
     if not found:
         raise TrackError(f"{path}: has no line; accepted: rows or columns with the names x and y, or rows of numbers")
@@ -77,13 +82,17 @@ def _json(path: Path, course: bool, line: str | None) -> Table:
     )  # fmt: skip
 
 
-def _lines(path: Path, value: Any, name: str, depth: int) -> Iterator[tuple[str, Table]]:
-    """Yield the lines of a JSON value, with the names under which they stand."""
-    if depth > _DEEPEST:
+def _lines(path: Path, value: Any, name: str, depth: int, objects: Iterator[int]) -> Iterator[tuple[str, Table]]:
+    """Yield the lines of a JSON value, with the names under which they stand; `objects` counts what is searched."""
+    if depth > _DEEPEST or not isinstance(value, (list, dict)):
         return
+    if next(objects) > _MOST_OBJECTS:
+        raise TrackError(f"{path}: more than {_MOST_OBJECTS} objects; accepted: a file of lines")
     if isinstance(value, list) and len(value) > 1:
+        require_few(path, len(value), "point")
         if all(isinstance(row, dict) for row in value):
             names = tuple(key for key, cell in value[0].items() if not isinstance(cell, (dict, list)))
+            require_few(path, len(names), "column")
             if name_a_line(names):
                 yield name, _named(names, [[row.get(key) for key in names] for row in value])
         elif all(isinstance(row, list) and row and _are_numbers(row) for row in value):
@@ -92,8 +101,10 @@ def _lines(path: Path, value: Any, name: str, depth: int) -> Iterator[tuple[str,
             yield name, unnamed(path, value)
     elif isinstance(value, dict):
         columns = {key: cells for key, cells in value.items() if isinstance(cells, list) and _are_numbers(cells)}
+        require_few(path, len(columns), "column")
         if name_a_line(tuple(columns)):
             lengths = {key: len(cells) for key, cells in columns.items()}
+            require_few(path, max(lengths.values()), "point")
             if len(set(lengths.values())) > 1:
                 said = ", ".join(f"{key} {length}" for key, length in lengths.items())
                 raise TrackError(f"{path}: columns of different lengths, {said}; accepted: one length")
@@ -101,7 +112,7 @@ def _lines(path: Path, value: Any, name: str, depth: int) -> Iterator[tuple[str,
             return
         for key, each in value.items():
             if not key.endswith("markers"):
-                yield from _lines(path, each, name if key == "wpnts" else key, depth + 1)
+                yield from _lines(path, each, name if key == "wpnts" else key, depth + 1, objects)
 
 
 def _named(names: tuple[str, ...], rows: Sequence[Sequence[Any]]) -> Table:
@@ -122,11 +133,14 @@ def _array(path: Path) -> Table:
         raise TrackError(f"{path}: is no array of NumPy: {said}; accepted: numbers (n, k)") from error
     names, said = getattr(array.dtype, "names", None), ""
     if names is not None and array.ndim == 1:
+        require_few(path, len(names), "column")
+        require_few(path, len(array), "point")
         return _named(names, [list(row) for row in array.tolist()])
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise TrackError(f"{path}: has {array.dtype} of shape {array.shape}; accepted: numbers (n, k), a row a point")
     if array.shape[0] <= _MOST_COLUMNS < array.shape[1]:
         array, said = array.T, f"shape {array.shape} was turned"
+    require_few(path, len(array), "point")
     return unnamed(path, array.tolist(), said)
 
 

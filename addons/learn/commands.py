@@ -6,9 +6,9 @@ import argparse
 import contextlib
 import json
 import sys
-from collections.abc import Mapping
 from typing import Any
 
+from fg_mujoco.arguments import with_underscores
 from fg_mujoco.cli.command import JSON, Part, command, named_values, names_in, option, trust, whole
 from fg_mujoco.cli.options import NAMES
 from fg_mujoco.cli.progress import clock, shown_as, to_go
@@ -96,7 +96,10 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
     if options.settings is not None:
         if not is_file(options.settings):
             raise SettingsError(f"{options.settings}: there is no such file; accepted: a TOML file")
-        found = _with_underscores(read_toml(options.settings).values)
+        found = {
+            name: with_underscores(value) if isinstance(value, dict) else value
+            for name, value in with_underscores(read_toml(options.settings).values).items()
+        }
     found |= {name: value for name in _OWN if (value := getattr(options, name)) is not None}
     given = {"environment": ("--env", options.env), "ppo": ("--ppo", options.ppo)}
     if options.self_play or "self_play" in found:
@@ -112,13 +115,3 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
     if options.track is not None:
         found["environment"]["track"] = options.track if len(options.track) > 1 else options.track[0]
     return found
-
-
-def _with_underscores(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of a file, whose names and those in its tables may have hyphens."""
-    return {
-        name.replace("-", "_"): {key.replace("-", "_"): each for key, each in value.items()}
-        if isinstance(value, dict)
-        else value
-        for name, value in values.items()
-    }

@@ -63,6 +63,7 @@ from fg_mujoco.addons.ros.bag_messages import (
 from fg_mujoco.addons.ros.bag_writer import LATCHED, MOTOR_TOPIC, car_mounts
 from fg_mujoco.addons.ros.composed_topics import motor_message
 from fg_mujoco.addons.ros.occupancy_grid import grid_of
+from fg_mujoco.course.documents import parse_json
 from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, missing_extra
 from fg_mujoco.messages import STOP, DriveCommand, shown
 from fg_mujoco.simulation.physics import STATE
@@ -494,7 +495,7 @@ def _read(topic: str, encoding: str, content: bytes) -> Any:
         if encoding == "cdr":
             return from_cdr(content, ACCEPTED[topic])
         if encoding == "json":
-            return _Fields(json.loads(content))
+            return _Fields(parse_json(content))
     except Exception as error:  # whatever is wrong with bytes that somebody has sent
         raise MessageError(f"a message on {topic} cannot be read as {encoding}; accepted: {ACCEPTED[topic]}") from error
     raise MessageError(f"a message on {topic} is encoded as {shown(encoding)}; accepted: json or cdr")

@@ -21,7 +21,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..arguments import explain_class, setting, unknown_argument
+from ..arguments import explain_class, setting, unknown_argument, with_underscores
 from ..course.course import Course, require_course
 from ..course.moving_obstacles import MovingObstacle, described_moving, moving_or_text
 from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
@@ -389,7 +389,7 @@ def _require_known(caller: str, keywords: Mapping[str, Any]) -> None:
 
 def _read(values: Mapping[str, Any]) -> Setup:
     """Return the setup of some values by name, as `described` returns them; keys may have hyphens."""
-    own = {name.replace("-", "_"): value for name, value in values.items()}
+    own = with_underscores(values)
     if "entries" in own:
         cars = as_list(own["entries"], "entries")
         own["entries"] = tuple(_entry(each, f"entries[{index}]") for index, each in enumerate(cars))
@@ -448,7 +448,7 @@ def _entry(values: Any, name: str) -> Entry:
         return values
     if not isinstance(values, Mapping):
         raise SettingsError(f"{name} is {shown(values)}; accepted: settings of a car by name")
-    own = {key.replace("-", "_"): _value(value) for key, value in values.items()}
+    own = {key: _value(value) for key, value in with_underscores(values).items()}
     sha256 = own.pop("vehicle_sha256", None)
     for key in own:
         if key not in CAR_KEYWORDS:

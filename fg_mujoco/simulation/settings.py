@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 _Part = TypeVar("_Part")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
+_FURTHEST = 1e6  # [m], [rad], [m/s] of a start: MuJoCo takes positions up to 1e10
 FASTEST = 8.0
 """[m/s] The fastest that a planner may command unless it is told otherwise: that of the published lap times."""
 
@@ -138,7 +139,7 @@ class Start:
     """Where a race starts, along the centreline.
 
     Raises:
-      SettingsError: a value that is not finite.
+      SettingsError: a value that is no number of at most a million.
     """
 
     s: float = setting(0.0, "progress at which the car starts [m]; default: 0", "M", "what is driven")
@@ -147,7 +148,8 @@ class Start:
     speed: float = setting(0.0, "with wheels rolling [m/s]; default: 0", "V", "what is driven")
 
     def __post_init__(self) -> None:
-        require(self, math.isfinite, "a finite number", ("s", "offset", "heading", "speed"), SettingsError)
+        names = ("s", "offset", "heading", "speed")
+        require(self, lambda value: abs(value) <= _FURTHEST, f"-{_FURTHEST:g} to {_FURTHEST:g}", names, SettingsError)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

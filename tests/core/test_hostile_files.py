@@ -44,6 +44,11 @@ TRACKS = {
     "far away": (csv_of(shift=1e12), "1000000000000.0", "1e+09 at most"),
     "width of 1e9 m": (csv_of(width=1e9), "2000000000 m wide: millimetres?", "accepted: metres"),
     "points without end": ("1, 2, 1, 1\n" * (MOST_POINTS + 1), f"line {MOST_POINTS + 1}", f"{MOST_POINTS} at most"),
+    "comments without end": ("# a,b\n" * 2000 + csv_of(), "lines without a point", "1000 above the first"),
+    "lines without end": ("\n" * 500_000 + csv_of(), "lines without a point", "1000 above the first"),
+    "a name without end": ("x,y,width," + "_".join("a" * 9000) + "\n1,2,3,4\n", "0 points", "at least 4"),
+    "a header without end": ("x,y,width," + "_".join("a" * 30000) + "\n", "line 1 has 60010 char", "20000 at most"),
+    "columns without end": ("x,y," + ",".join(map(str, range(300))) + "\n", "line 1: more than 200 col", "200 at most"),
     "NUL": (csv_of().replace("5.0", "5\0"), "is not a text file", "accepted: a .csv"),
     "digits": (csv_of().replace("0.0, 0.0", "9" * 5000 + ", 0.0", 1), "line 1", "a finite number"),
 }
@@ -62,7 +67,7 @@ def test_tracks_that_are_too_much(name, here, capsys):
 MAPS = {
     "billion laughs": (map_of(origin="*i", before=laughs()), "line 2", "an alias in the place of a value"),
     "an alias of itself": ("a: &a [*a]\n" + map_of(), "line 1", "an alias"),
-    "levels": (map_of(origin="[" * 100_000 + "]" * 100_000), "line 3", "more than 20 levels; accepted: the keys"),
+    "levels": (map_of(origin="[" * 50_000 + "]" * 50_000), "line 3", "more than 20 levels; accepted: the keys"),
     "digits": (map_of(resolution="9" * 5000), "line 2", "5000 characters, more than 1000; accepted: the keys"),
     "a number beyond floats": (map_of(resolution="9" * 400), "resolution is 999", "accepted: the side of a pixel"),
     "origin far away": (map_of(origin="[1.0e+12, 0, 0]"), "origin is [1000000000000.0", "within 10000"),

@@ -38,6 +38,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from fg_mujoco.arguments import with_underscores
 from fg_mujoco.controllers.control.assist import names_in
 from fg_mujoco.course.documents import read_toml
 from fg_mujoco.course.scenes import PREFIX
@@ -170,7 +171,7 @@ def read_suite(path: str | Path) -> Suite:
 
 
 def _suite(given: Mapping[str, Any], stem: str, sha256: str) -> Suite:
-    values = _named(given)
+    values = with_underscores(given)
     shared = {name: value for name, value in values.items() if name not in _OF_SUITE}
     _require_known(shared, KEYWORDS, _OF_SUITE, "a suite")
     groups, checks = (_tables(values, name) for name in ("groups", "checks"))
@@ -196,7 +197,7 @@ def _suite(given: Mapping[str, Any], stem: str, sha256: str) -> Suite:
 
 
 def _group(given: Mapping[str, Any], shared: Mapping[str, Any], where: str) -> Group:
-    values = _named(given)
+    values = with_underscores(given)
     name = values.get("name", where)
     settings = dict(shared) | {key: value for key, value in values.items() if key not in _OF_GROUP}
     try:
@@ -227,7 +228,7 @@ def _group(given: Mapping[str, Any], shared: Mapping[str, Any], where: str) -> G
 
 
 def _check(given: Mapping[str, Any], shared: Mapping[str, Any], place: int) -> tuple[Setup, SuiteCheck]:
-    own, where = _named(given), f"checks[{place}]"
+    own, where = with_underscores(given), f"checks[{place}]"
     kind = own.get("check")
     if not isinstance(kind, str) or kind not in CHECKS:
         raise SettingsError(f"{where}: check is {shown(kind)}; {accepted_names(kind, CHECKS)}")
@@ -249,10 +250,6 @@ def _check(given: Mapping[str, Any], shared: Mapping[str, Any], place: int) -> t
         raise SettingsError(f"{where}: name is {shown(name)}; accepted: a text")
     points = _number(own.get("points", 1), f"{where}: points")
     return setup, SuiteCheck(number=place, name=name, points=points, check=check)
-
-
-def _named(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name.replace("-", "_"): value for name, value in values.items()}
 
 
 def _tables(values: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:

@@ -47,13 +47,13 @@ def rcl_value(text: str) -> Any:
     return text
 
 
-def rcl_yaml(text: str | bytes) -> Any:
-    """Return the values of a YAML text as rcl reads them; keys are texts.
+def rcl_yaml(text: str | bytes, file: str = "") -> Any:
+    """Return the values of a YAML text as rcl reads them; keys are texts, of which those of a file may be there twice.
 
     Raises:
       Exception: YAML's own; a value that is missing; a list of several types.
     """
-    class Loader(plain_loader()):  # type: ignore[misc]
+    class Loader(plain_loader(file)):  # type: ignore[misc]
         yaml_implicit_resolvers: dict[Any, Any] = {}  # noqa: RUF012
 
         def construct_mapping(self, node: Any, deep: bool = False) -> dict[str, Any]:
@@ -95,9 +95,9 @@ def read_parameters(path: Path, text: bytes, node: str, said: str) -> dict[str, 
     if importlib.util.find_spec("yaml") is None:
         raise missing_extra(f"{path} needs PyYAML", "ros")
     try:
-        found = plain_yaml(text)
+        found = plain_yaml(text, plain_loader(str(path)))
         of_ros_2 = isinstance(found, dict) and any(True for _ in _sections(found))
-        found = rcl_yaml(text) if of_ros_2 else found
+        found = rcl_yaml(text, str(path)) if of_ros_2 else found
     except Exception as error:  # YAML's own, and whatever its values' readers raise
         raise ControllerError(f"{said}: {path} is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(found, dict):

@@ -20,6 +20,7 @@ import time
 from collections import deque
 from typing import Any
 
+from fg_mujoco.course.documents import parse_json
 from fg_mujoco.errors import EngineError, missing_extra
 from fg_mujoco.messages import shown
 
@@ -216,6 +217,6 @@ def open_client(host: str, port: int, event: str) -> Client:
 def _json(text: str) -> Any:
     """Return what a text of JSON has; None: it is none that can be read."""
     try:
-        return json.loads(text)
+        return parse_json(text)
     except (ValueError, RecursionError):
         return None

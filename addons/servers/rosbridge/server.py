@@ -20,6 +20,7 @@ from typing import Any
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import GRID
 from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES
+from fg_mujoco.course.documents import parse_json
 from fg_mujoco.errors import FgMujocoError, MessageError, accepted_names
 from fg_mujoco.messages import shown
 
@@ -305,7 +306,7 @@ def _read(text: str | bytes) -> dict[str, Any]:
     if isinstance(text, bytes):
         raise MessageError(f"{len(text)} bytes were sent; accepted: a text, one object of JSON")
     try:
-        found = json.loads(text)
+        found = parse_json(text)
     except (ValueError, RecursionError) as error:
         raise MessageError(f"{shown(text)} is no JSON: {error}; accepted: one object") from error
     if not isinstance(found, dict) or "op" not in found:
