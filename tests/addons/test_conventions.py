@@ -17,7 +17,7 @@ from fg_mujoco.course.line_file import read_line_file
 ROOT = Path(__file__).parents[2]
 REP_117 = "addons/ros/test_bag_scans.py::test_readings_that_are_no_distance_are_as_rep_117_has_them"
 FULL_CIRCLE = "addons/ros/test_bag_scans.py::test_a_full_circle_from_0_to_2_pi_is_turned_to_look_ahead"
-THRESHOLD = "core/test_map_file.py::test_free_is_what_is_below_the_threshold"
+THRESHOLD = "core/test_map_file.py::test_free_is_what_is_up_to_the_threshold_as_nav2_has_it"
 SIGNS = (
     "addons/ros/test_bag_signs.py::"
     "test_odometry_that_is_negative_forward_is_turned_round_by_what_commands_or_scans_say"

@@ -25,13 +25,13 @@ def write(folder, image, *, suffix="png", **settings):
 
 @each("negate", [0, 1])
 @each("suffix", ["png", "pgm"])
-@each(("free", "occupied"), [(0.196, 0.65), (0.2, 0.2), (0.25, 0.65), (1.0, 1.0), (0.0, 0.5)])
-def test_free_is_what_is_below_the_threshold(tmp_path, negate, suffix, free, occupied):
+@each(("free", "occupied"), [(0.196, 0.65), (0.2, 0.65), (0.2, 0.2), (0.25, 0.65), (1.0, 1.0), (0.0, 0.5)])
+def test_free_is_what_is_up_to_the_threshold_as_nav2_has_it(tmp_path, negate, suffix, free, occupied):
     path = write(
         tmp_path, Image.fromarray(GREYS), suffix=suffix, negate=negate, free_thresh=free, occupied_thresh=occupied
     )
     p = [(x if negate else 255 - x) / 255 for x in range(256)]
-    np.testing.assert_array_equal(read_map_file(path).free[0], [value < free for value in p])
+    np.testing.assert_array_equal(read_map_file(path).free[0], [value <= free for value in p])
 
 
 def test_what_is_occupied_is_not_free_although_the_threshold_for_free_is_higher(tmp_path):
@@ -44,7 +44,7 @@ def test_what_is_occupied_is_not_free_although_the_threshold_for_free_is_higher(
 
 def test_raw_brightness_is_the_probability_in_percent(tmp_path):
     path = write(tmp_path, Image.fromarray(GREYS), mode="raw", free_thresh=0.25, occupied_thresh=0.65)
-    np.testing.assert_array_equal(read_map_file(path).free[0], [x < 25 for x in range(256)])
+    np.testing.assert_array_equal(read_map_file(path).free[0], [x <= 25 for x in range(256)])
 
 
 @each("suffix", ["png", "pgm"])

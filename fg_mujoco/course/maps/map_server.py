@@ -5,10 +5,11 @@
 
 A pixel of brightness x, the mean of its colours from 0 to 255, is occupied with p = (255 - x) / 255, or, with `negate:
 1`, x / 255, or, with `mode: raw`, x / 100, where x is 100 at most. It is occupied above `occupied_thresh`, else free
-below `free_thresh`, and unknown otherwise, or where it is transparent. Unknown pixels are taken for walls: nobody has
+up to `free_thresh`, and unknown otherwise, or where it is transparent. Unknown pixels are taken for walls: nobody has
 seen that they can be driven on.
 
-Source: the ROS packages map_server and nav2_map_server, whose documentation defines the format.
+Source: the ROS packages map_server and nav2_map_server, whose documentation defines the format. At p equal to
+`free_thresh` a pixel is free by nav2 since its pull request 5071 of 2025; map_server of ROS 1 has it unknown.
 """
 
 from __future__ import annotations
@@ -200,7 +201,7 @@ def read_map_file(
         occupancy = np.where(values <= 100.0, values / 100.0, np.nan)
     else:
         occupancy = values / 255.0 if negate else (255.0 - values) / 255.0
-    is_free = (occupancy < free) & (occupancy <= occupied)
+    is_free = (occupancy <= free) & (occupancy <= occupied)
     is_grey = is_free & (occupancy >= _UNKNOWN_THRESH)
     is_saved = bool(np.bincount(levels.ravel(), minlength=len(values))[is_grey & (values == _UNKNOWN)].any())
     x, y, yaw = map(float, origin)
