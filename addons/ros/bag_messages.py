@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import missing_extra
+from fg_mujoco.errors import BagError, missing_extra
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
 from fg_mujoco.simulation.telemetry import recorded_command
 
@@ -56,6 +56,12 @@ _OTHERS = {  # our own, and those of the package ackermann_msgs, which no releas
     ),
 }
 _NANOSECONDS = 1_000_000_000
+_ENCODINGS = {
+    bytes((0, number)): name
+    for name, numbers in {"PL_CDR": (2, 3), "XCDR2": (*range(6, 12), *range(16, 22))}.items()
+    for number in numbers
+}
+"""First bytes of a message -> its encoding. Source: DDS-XTypes 1.3, tables 60 and 39, which disagree."""
 
 
 _FAULTS = ("NONE", "OVER_VOLTAGE", "UNDER_VOLTAGE", "DRV8302", "ABS_OVER_CURRENT", "OVER_TEMP_FET", "OVER_TEMP_MOTOR")
@@ -129,9 +135,29 @@ def to_cdr(message: Any) -> bytes:
     return bytes(type_store().serialize_cdr(message, message.__msgtype__))
 
 
-def from_cdr(content: bytes, kind: str) -> Any:
-    """Return the message of a type that CDR has; raises what rosbags does where it has none."""
-    return type_store().deserialize_cdr(content, kind)
+def from_cdr(content: bytes, kind: str, store: Any = None) -> Any:
+    """Return the message of a type that CDR has, up to eight bytes of padding behind it left out.
+
+    Args:
+      content: with its header.
+      kind: of the message.
+      store: types, as those of `type_store`.
+
+    Raises:
+      BagError: another encoding than XCDR1.
+      Exception: what rosbags raises where there is no such message.
+    """
+    encoding = _ENCODINGS.get(bytes(content[:2]))
+    if encoding is not None:
+        raise BagError(f"{kind} is written in {encoding}; accepted: XCDR1, as ROS 2 writes it")
+    store = store or type_store()
+    for padding in (0, 4):  # rosbags itself leaves out three
+        try:
+            return store.deserialize_cdr(content[: len(content) - padding], kind)
+        except Exception as error:  # one of its own, of which the type says nothing
+            if "size mismatch" not in str(error):
+                raise
+    return store.deserialize_cdr(content[:-8], kind)
 
 
 def nanoseconds(seconds: float) -> int:

@@ -38,6 +38,7 @@ from .bag_messages import (
     SCAN,
     TRANSFORMS,
     USUAL,
+    from_cdr,
     measures,
     require_ros_extra,
     type_store,
@@ -422,7 +423,7 @@ class Recording:
             if channel.encoding == "ros1":
                 self._decoders[channel] = lambda data: store.deserialize_ros1(data, channel.kind)
             elif channel.encoding == "cdr":
-                self._decoders[channel] = lambda data: store.deserialize_cdr(data, channel.kind)
+                self._decoders[channel] = lambda data: from_cdr(data, channel.kind, store)
             else:
                 said = f"{self.path}: {channel.topic} is written in {channel.encoding!r}"
                 raise BagError(f"{said}; accepted: 'cdr', as ROS 2 writes messages, or 'ros1'")

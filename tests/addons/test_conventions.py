@@ -13,6 +13,7 @@ from bag_worlds import robot_scan
 from cases import each
 from fg_mujoco.addons.ros.bag_messages import from_cdr, type_store
 from fg_mujoco.course.line_file import read_line_file
+from fg_mujoco.errors import BagError
 
 ROOT = Path(__file__).parents[2]
 REP_117 = "addons/ros/test_bag_scans.py::test_readings_that_are_no_distance_are_as_rep_117_has_them"
@@ -38,7 +39,11 @@ TESTS = {  # the beginning of a row -> its tests
     "f1tenth_system": ["addons/ros/test_bag_composed.py::test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes"],
     "f1tenth/vesc": [SIGNS],
     "ROS 2, QoS": ["addons/servers/test_ros2.py::test_who_comes_and_cannot_match_or_publishes_the_same_is_told"],
-    "ROS 2, CDR": [HERE + "test_messages_of_either_byte_order_are_read"],
+    "ROS 2, CDR": [
+        HERE + "test_messages_of_either_byte_order_are_read",
+        HERE + "test_padding_behind_a_message_is_left_out_up_to_eight_bytes",
+        HERE + "test_another_encoding_than_xcdr1_is_named",
+    ],
     "MuJoCo 3.17, materials": ["core/test_lidar.py::test_transparent_geoms_are_invisible_to_both_backends"],
     "MuJoCo 3.17, mocap": ["core/test_moving_obstacles.py::test_the_lidar_sees_it_without_lag"],
     "MuJoCo 3.17, `sleep`": [HERE + "test_a_car_that_stands_is_awake"],
@@ -79,6 +84,23 @@ def test_messages_of_either_byte_order_are_read(little_endian):
     again = from_cdr(type_store().serialize_cdr(message, kind, little_endian=little_endian), kind)
     assert again.angle_min == pytest.approx(message.angle_min)
     np.testing.assert_array_equal(again.ranges, message.ranges)
+
+
+@each("padding, read", [(0, True), (3, True), (4, True), (8, True), (12, False)])
+def test_padding_behind_a_message_is_left_out_up_to_eight_bytes(padding, read):
+    message = robot_scan([1.0, 2.5, 3.0])
+    content = bytes(type_store().serialize_cdr(message, message.__msgtype__)) + bytes(padding)
+    if read:
+        np.testing.assert_array_equal(from_cdr(content, message.__msgtype__).ranges, message.ranges)
+    else:
+        with pytest.raises(Exception, match="size mismatch"):
+            from_cdr(content, message.__msgtype__)
+
+
+@each("number, encoding", [(3, "PL_CDR"), (6, "XCDR2"), (7, "XCDR2"), (9, "XCDR2"), (11, "XCDR2"), (17, "XCDR2")])
+def test_another_encoding_than_xcdr1_is_named(number, encoding):
+    with pytest.raises(BagError, match=f"LaserScan is written in {encoding}; accepted: XCDR1"):
+        from_cdr(bytes((0, number, 0, 0)) + bytes(40), "sensor_msgs/msg/LaserScan")
 
 
 @each("policy", ["never", "auto", "allowed"])
