@@ -188,4 +188,4 @@ def _driven(model: mujoco.MjModel, servo: int, steering: int) -> tuple[float, fl
         raise ModelError(
             f"the steering does not turn as it is commanded within {_WATCHED:g} s; accepted: a position servo that does"
         )
-    return rate, float(time_constant)
+    return float(f"{rate:.6g}"), float(f"{time_constant:.6g}")  # the same alone and among other bodies

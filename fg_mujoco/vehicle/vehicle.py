@@ -123,8 +123,8 @@ class Vehicle:
 
     @cached_property
     def parameters(self) -> CarParameters:
-        """Its parameters for planners, read off the compiled model."""
-        return car_parameters(self._model)
+        """Its parameters for planners, those of a world that it is in: of MJCF text, which keeps six digits."""
+        return car_parameters(mujoco.MjModel.from_xml_string(add_hull(self.spec()).to_xml()))
 
     @cached_property
     def command_delay(self) -> float:

@@ -125,6 +125,12 @@ def test_its_numbers_are_those_that_fitting_gives(name):
 
 
 @every_vehicle
+def test_its_parameters_are_those_of_a_world_that_it_is_in(name):
+    vehicle = load(name)
+    assert vehicle.parameters == fg.World("oval", vehicle).parameters
+
+
+@every_vehicle
 def test_no_beam_sees_it(name):
     """Level rays from the mount meet nothing, for any suspension travel and steering angle."""
     model, data, _ = alone(name)
