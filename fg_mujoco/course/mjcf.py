@@ -35,6 +35,7 @@ _MOST_MADE = 2**28  # bytes of arrays that a document asks for and does not list
 _MOST_FILE, _MOST_FILES = 64 * 2**20, 256 * 2**20  # bytes of a mesh or picture, and of all
 _MOST_PIXELS = 2**24
 _MESHES, _PICTURES = (".obj", ".stl"), (".png",)
+_NO_RGBA = (0.5, 0.5, 0.5, 1.0)  # that MuJoCo takes for none: then the material's counts
 
 
 def _words(text: str) -> frozenset[str]:
@@ -162,6 +163,20 @@ def checked_mjcf(text: str, *, folder: Path | None = None) -> Mjcf:
 @lru_cache(maxsize=16)
 def _checked(text: str) -> Mjcf:
     return _Reader(None).read(text)
+
+
+def show_as_drawn(spec: Any) -> Any:
+    """Let rays meet a geom of an MjSpec where pictures show it, and no other, in place; return the spec.
+
+    Pictures take the alpha of a geom's own rgba, where it has one, and rays that of its material. Where only one of the
+    two is 0, the geom loses its material.
+    """
+    for geom in spec.geoms:
+        material = spec.material(geom.material) if geom.material else None
+        own = tuple(float(part) for part in geom.rgba) != _NO_RGBA
+        if material is not None and own and (geom.rgba[3] == 0.0) != (material.rgba[3] == 0.0):
+            geom.material = ""
+    return spec
 
 
 def inside(folder: Path, name: str) -> Path | None:

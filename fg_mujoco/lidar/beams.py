@@ -18,7 +18,7 @@ import numpy as np
 from ..arguments import explain_class
 from ..compiled.kernel_files import cache_folder, read_kept, write_kept
 from ..course.files import read_text
-from ..course.mjcf import MOST_MJCF, checked_mjcf
+from ..course.mjcf import MOST_MJCF, checked_mjcf, show_as_drawn
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
@@ -210,7 +210,7 @@ class LidarModel:
 
     @cached_property
     def _parsed(self) -> Any:
-        return mujoco.MjSpec.from_string(checked_mjcf(self.text).text)
+        return show_as_drawn(mujoco.MjSpec.from_string(checked_mjcf(self.text).text))
 
     @cached_property
     def _without_sensors(self) -> Any:

@@ -3,8 +3,8 @@
 The round ones among them are kept as they are (round_shapes.py).
 
 The geoms are those that MuJoCo's rays see: not the transparent ones (alpha 0 of the material, or of the geom where it
-has no material), any group, both sides of a mesh or box, the front of a plane. Nothing of the kinematic tree that
-carries the LiDAR is seen.
+has no material; `show_as_drawn` makes that what pictures show), any group, both sides of a mesh or box, the front of a
+plane. Nothing of the kinematic tree that carries the LiDAR is seen.
 """
 
 from __future__ import annotations

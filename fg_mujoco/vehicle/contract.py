@@ -262,7 +262,7 @@ def _beam_faults(model: Any, beams: Beams) -> Iterator[str]:
         name = repr(model.geom(part).name) if model.geom(part).name else f"number {part}"
         yield (
             f"geom {name} is in the way of {len(distances)} of the {count} beams of the LiDAR, {min(distances):.3f} "
-            "m from it; accepted: below the beams, or transparent (rgba that ends in 0)"
+            "m from it; accepted: below the beams, or transparent (an rgba of its own, or a material, that ends in 0)"
         )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 
 from ..course.files import is_file
-from ..course.mjcf import checked_mjcf, inside, short_text
+from ..course.mjcf import checked_mjcf, inside, short_text, show_as_drawn
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import DEFAULT_LIDAR, LidarModel
 from .tires import DEFAULT_TIRES, Tires
@@ -40,7 +40,7 @@ def parsed(text: str, where: str, hint: Callable[[str], str] = lambda text: "") 
     except ValueError as error:
         raise ModelError(f"{where}: {error}{hint(text)}") from error
     try:
-        return mujoco.MjSpec.from_string(document.text)
+        return show_as_drawn(mujoco.MjSpec.from_string(document.text))
     except ValueError as error:
         raise ModelError(f"{where}: {_reason(error)}") from error
 

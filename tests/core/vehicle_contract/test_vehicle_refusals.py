@@ -4,10 +4,12 @@ import re
 import warnings
 
 import mujoco
+import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from cases import each
+from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.vehicle.contract import PARTS
 from vehicle_worlds import F1TENTH, made_file
 
@@ -81,6 +83,26 @@ def test_a_part_in_the_beams_of_the_lidar_is_refused(tmp_path, rise, alpha, is_m
             fg.Vehicle.load(path)
     else:
         fg.Vehicle.load(path)
+
+
+@each(
+    ("own", "material", "is_seen"),
+    [("1 0 0 0", "1 1 1 1", False), ("1 0 0 1", "1 1 1 0", True), ("1 0 0 .3", "1 1 1 1", True), ("", "1 1 1 1", True),
+     ("", "1 1 1 0", False), (".5 .5 .5 0", "1 1 1 1", False), (".5 .5 .5 1", "1 1 1 0", False)],
+)  # fmt: skip
+def test_beams_see_a_part_of_another_car_where_pictures_draw_it(tmp_path, own, material, is_seen):
+    mast = f'<geom name="mast" class="visual" type="box" size=".01 .01 .1" pos=".4 0 .3" material="m" rgba="{own}"/>'
+    nose, assets = '<geom name="nose"', f'<asset><material name="m" rgba="{material}"/>'
+    text = edited(("<asset>", assets), (nose, mast.replace(' rgba=""', "") + nose))
+    (tmp_path / "mine.xml").write_text(text, encoding="utf-8")
+    model = fg.World("oval", others=(WorldCar(vehicle=tmp_path / "mine.xml"),)).model
+    data, part, met = mujoco.MjData(model), model.geom("car_1/mast").id, np.zeros(1, np.int32)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_ray(model, data, data.geom_xpos[part] + (0.0, 0.0, 1.0), np.array((0.0, 0.0, -1.0)), None, 1, -1, met)
+    scene = mujoco.MjvScene(model, 1000)
+    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL, scene)
+    drawn = [geom.rgba[3] > 0.0 for geom in scene.geoms[: scene.ngeom] if geom.objid == part and geom.objtype == 5]
+    assert (met[0] == part, any(drawn)) == (is_seen, is_seen)
 
 
 KINDS = {"numeric": "numeric", "tendon": "fixed", "pair": "pair"}
