@@ -14,16 +14,17 @@ RACES := $(VENV)/.races
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit fuzz lint house bench figures cards friction docs picture dist release clean
+.PHONY: help race test quick unit mujoco4 fuzz lint house bench figures cards friction docs picture dist release clean
 .DEFAULT_GOAL := help
 
 help:
 	@sed -n '/^# make/s/^# //p; /^## /s/^## //p' Makefile
 
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+CONSTRAINTS ?= constraints.txt
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c $(CONSTRAINTS)
 
 # What a race needs, with its report and picture; nothing is compiled before it is imported.
-$(RACES): pyproject.toml constraints.txt
+$(RACES): pyproject.toml $(CONSTRAINTS)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	    || { echo "$(PYTHON) is too old or missing; needed: Python 3.10 or newer" >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null \
@@ -48,6 +49,13 @@ test: $(READY)
 
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
+
+## make mujoco4 the tests on the newest MuJoCo that is accepted, in a .venv of their own
+mujoco4: build/newest.txt
+	+@$(MAKE) --no-print-directory VENV=build/mujoco4 CONSTRAINTS=build/newest.txt unit
+
+build/newest.txt: constraints.txt
+	@mkdir -p build && sed '/^mujoco==/d' constraints.txt > $@
 
 ## make quick   of what differs from main, the tests that are not slow; at most a minute
 quick: $(READY)

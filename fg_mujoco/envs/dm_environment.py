@@ -36,6 +36,7 @@ from .worlds import Worlds
 try:
     from dm_control import mujoco as dm_mujoco
     from dm_control.mujoco import wrapper
+    from dm_control.mujoco.wrapper.mjbindings import sizes
     from dm_control.rl import control
     from dm_env import specs
 except ImportError as error:
@@ -43,6 +44,16 @@ except ImportError as error:
         f"dm_env environments need dm-control, which cannot be imported here ({error}); accepted: Python 3.10 to 3.12, "
         "where it is installed with this package, or Gymnasium's and PettingZoo's environments on any Python"
     ) from error
+
+def _forget_absent_arrays() -> None:
+    """Take from dm_control's tables the arrays that this MuJoCo lacks: 1.0.50 names nine that 4.0 has no more."""
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    for kind, structure in (("mjmodel", model), ("mjdata", mujoco.MjData(model))):
+        for name in [name for name in sizes.array_sizes[kind] if not hasattr(structure, name)]:
+            del sizes.array_sizes[kind][name]
+
+
+_forget_absent_arrays()
 
 TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {

@@ -40,13 +40,13 @@ from .figures import CourseFigures, TrackFigures, course_figures, driven_figures
 from .resimulation import Recording, load_world, recorded_planner, resimulate
 from .result import EVENTS, OF_CAR_0, History, Trajectory, trajectory_sha256
 from .rules import RaceRecord, race_control
-from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
+from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run, versions
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
 _OF_PLANNERS = ("planner_failed", "decision_limit")
 _OF_THE_COURSE = ("lap", "progress_m", "offset_m")  # columns of the telemetry
 _WALL_TIMES = ("wall_time_s", "realtime_factor", "decision_times")
-_VERSIONS = ("schema", "fg_mujoco_version", "mujoco_version", "platform")
+_VERSIONS = {"fg_mujoco_version": "fg_mujoco", "mujoco_version": "MuJoCo", "platform": "the platform"}
 _ASKED_FOR = "no planner is run"
 
 
@@ -76,6 +76,7 @@ class ReplayReport:
     first_difference: int | None = None  # tick, from 1, that first ends in another state; None: none does
     time: float | None = None  # [s] at its end
     greatest_difference: float | None = None  # there, of any component of the state
+    versions: str = ""  # that differ where the states do, recorded and present ones; "": none is another one
 
     def __repr__(self) -> str:
         return brief(self, str(self))
@@ -105,7 +106,7 @@ class ReplayReport:
         if self.first_difference is not None:
             return (
                 f"not identical: differs from tick {self.first_difference} of {self.ticks} on, at t = {self.time:.3f} "
-                f"s by up to {self.greatest_difference:.3g} in a component of the state"
+                f"s by up to {self.greatest_difference:.3g} in a component of the state{self.versions}"
             )
         if not self.identical:
             return f"not identical: the states are, but {SUMMARY} has not their hash, {self.trajectory_sha256}"
@@ -146,9 +147,19 @@ def replay(folder: str | Path) -> ReplayReport:
             identical=False, ticks=len(run.ctrl), trajectory_sha256=trajectory_sha256(states, run.ctrl), proved={},
             unproved=dict.fromkeys((TELEMETRY_FILE, SUMMARY), reason), differences=tuple(differences),
             first_difference=first, time=float(run.time[first]),
-            greatest_difference=float(np.abs(states[first] - run.states[first]).max()),
+            greatest_difference=float(np.abs(states[first] - run.states[first]).max()), versions=_other_versions(run),
         )  # fmt: skip
     return _compared(run, again, differences, no_course)
+
+
+def _other_versions(run: Run) -> str:
+    """Return in words which versions of a run are others here; "": none."""
+    others = [
+        f"{_VERSIONS[name]} (recorded {recorded}, here {here})"
+        for name, here in versions().items()
+        if (recorded := run.summary.get(name)) != here
+    ]
+    return f"; other versions: {', '.join(others)}" if others else ""
 
 
 def decisions_again(folder: str | Path) -> str:
@@ -393,4 +404,4 @@ def _why_not(name: str, no_course: str) -> str:
         return "wall times"
     if name == "files":
         return "checksums, which tell damage and not who wrote them"
-    return "versions" if name in _VERSIONS else _ASKED_FOR
+    return "versions" if name in ("schema", *_VERSIONS) else _ASKED_FOR

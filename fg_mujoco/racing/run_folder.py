@@ -230,18 +230,21 @@ def summary_json(result: RaceResult) -> str:
 
     The setup stands in `settings`; it is not there where a course or a planner is an object, which no file can hold.
     """
-    versions = {
-        "schema": SCHEMA,
-        "fg_mujoco_version": version("fg-mujoco"),
-        "mujoco_version": mujoco.__version__,
-        "platform": f"{platform.system()}-{platform.machine()}",
-    }
     found = result.summary()
     if found.get("planner_failure") is not None:
         found["planner_failure"]["scan"] = FAILED_SCAN
     with suppress(SettingsError):
         found["settings"] = result.setup.described()
-    return as_json(found | versions)
+    return as_json(found | {"schema": SCHEMA} | versions())
+
+
+def versions() -> dict[str, str]:
+    """Return what the bits of a run depend on besides its inputs, by the names in a summary."""
+    return {
+        "fg_mujoco_version": version("fg-mujoco"),
+        "mujoco_version": mujoco.__version__,
+        "platform": f"{platform.system()}-{platform.machine()}",
+    }
 
 
 def as_json(values: Mapping[str, Any]) -> str:

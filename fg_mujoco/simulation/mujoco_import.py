@@ -1,4 +1,6 @@
-"""Imports MuJoCo where MUJOCO_GL asks for a library that is not there: races need no pictures.
+"""Imports MuJoCo, or says in one line why it cannot be: half upgraded, damaged, or of a version that is not accepted.
+
+It is imported as well where MUJOCO_GL asks for a library that is not there: races need no pictures.
 
 With MUJOCO_GL=egl, `import mujoco` itself looks for EGL and ends in a traceback from ctypes without it. Then it is
 imported as with MUJOCO_GL=disable; a request for a picture is refused with what to install (rendering/gl.py).
@@ -12,10 +14,16 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import os
+import shlex
 import sys
 import threading
+from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
+
+from ..errors import MissingExtraError
+
+_LEAST, _BEYOND = (3, 17), (5,)  # versions of MuJoCo, as in pyproject.toml
 
 
 def import_mujoco() -> None:
@@ -35,6 +43,33 @@ def import_mujoco() -> None:
             os.environ["MUJOCO_GL"] = wanted
             if platform is None:
                 os.environ.pop("PYOPENGL_PLATFORM", None)
+
+
+def _require_accepted() -> None:
+    """Refuse a MuJoCo of another version, or one whose library is of another version than its Python.
+
+    Raises:
+      ImportError: it is one of these.
+    """
+    import mujoco
+
+    of_python, of_library = mujoco.__version__, mujoco.mj_versionString()
+    if of_python != of_library:
+        raise ImportError(f"its Python is {of_python}, its library {of_library}")
+    if not _LEAST <= tuple(map(int, of_python.split(".")[:2])) < _BEYOND:
+        raise ImportError(f"it is {of_python}")
+
+
+def _refuse(error: Exception) -> NoReturn:
+    """End the command with a line and exit code 2; raise in another program."""
+    python, accepted = shlex.quote(sys.executable or "python3"), "mujoco>=" + ".".join(map(str, _LEAST))
+    commands = ("uninstall -y mujoco mujoco-core mujoco-studio", f"install '{accepted},<{_BEYOND[0]}'")
+    why = " ".join(f"{type(error).__name__}: {error}".split())
+    said = f"MuJoCo cannot be used: {why}; to install it anew: " + " && ".join(f"{python} -m pip {c}" for c in commands)
+    if Path(*sys.argv[:1]).stem == "fg-mujoco" or sys.orig_argv[1:3] == ["-m", "fg_mujoco"]:
+        print("fg-mujoco:", said, file=sys.stderr)
+        sys.exit(2)
+    raise MissingExtraError(said) from error
 
 
 class _Later(ModuleType):
@@ -82,5 +117,9 @@ def _keep_no_log() -> None:
     mujoco.MjLogConfig.set(log)
 
 
-import_mujoco()
-_keep_no_log()
+try:
+    import_mujoco()
+    _require_accepted()
+    _keep_no_log()
+except Exception as error:
+    _refuse(error)

@@ -236,7 +236,7 @@ def _places(structure: Any, names: dict[str, str], anchor: str, behind: int) -> 
 
 
 def _unknown(name: str) -> EngineError:
-    return EngineError(f"MuJoCo {mujoco.__version__} keeps {name!r} where it is not found; accepted: MuJoCo 3.17")
+    return EngineError(f"MuJoCo {mujoco.__version__} keeps {name!r} where it is not found; accepted: MuJoCo 3.17 to 4")
 
 
 @numbas(word_at)

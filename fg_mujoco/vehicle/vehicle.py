@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 DEFAULT_VEHICLE = "f1tenth"
 
 _OF_OTHERS = (".yaml", ".yml", ".json", ".urdf", ".xacro")  # of which the add-on `formats` makes vehicles
+_WRONG_IF_SPARSE = "4.0.0"  # MuJoCo, whose Newton solver has a wrong Hessian for some branched bodies; 4.0.1 mends it
 _MOUNT = 'name="lidar_mount"'  # the files of models/ that have it are the bundled vehicles
 
 
@@ -179,6 +180,8 @@ class Vehicle:
                 f"mu is {mu!r} and CarChanges.mu is {changes.mu!r}; accepted: one of them, or the same in both"
             )
         spec = parsed(self.text, f"vehicle {self.name!r}")
+        if mujoco.__version__ == _WRONG_IF_SPARSE:
+            spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         put_on(spec, tires or self.tires)
         if mu is not None:
             set_mu(spec, mu)

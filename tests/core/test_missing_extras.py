@@ -1,6 +1,7 @@
 """A missing extra is reported with what needs it and the command that installs it, which pyproject.toml has."""
 
 import importlib.util
+import os
 import re
 import shlex
 import subprocess
@@ -71,6 +72,27 @@ def test_the_command_installs_from_the_clone_for_the_python_that_runs_and_works_
     dry = [*words[:4], "--dry-run", "--no-deps", "--no-build-isolation", "--no-index", "--quiet", *words[4:]]
     done = subprocess.run(dry, cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, "does not provide the extra" in done.stderr) == (0, False), done.stderr
+
+
+@each(
+    ("text", "said"),
+    [
+        ("raise ImportError('core bindings are\\nmissing')", "ImportError: core bindings are missing; "),
+        ("raise OSError('libmujoco.so.3.17.0: no such file')", "OSError: libmujoco.so.3.17.0: no such file"),
+        ("__version__ = '4.0.0'; mj_versionString = lambda: '3.17.0'", "its Python is 4.0.0, its library 3.17.0"),
+        ("__version__ = '3.3.2'; mj_versionString = lambda: '3.3.2'", "ImportError: it is 3.3.2"),
+        ("from mujoco._structs import *", "No module named 'mujoco._structs'"),
+    ],
+)
+def test_a_mujoco_that_is_half_upgraded_is_told_in_a_line_with_what_installs_it_anew(text, said, tmp_path):
+    (tmp_path / "mujoco").mkdir()
+    (tmp_path / "mujoco" / "__init__.py").write_text(text)
+    env = os.environ | {"PYTHONPATH": str(tmp_path)}
+    run = subprocess.run([sys.executable, "-m", "fg_mujoco", "race"], capture_output=True, text=True, env=env)
+    (line,) = run.stderr.splitlines()
+    assert run.returncode == 2 and line.startswith("fg-mujoco: MuJoCo cannot be used: ") and said in line
+    accepted = re.search(r'"(mujoco>=[^"]*)"', PYPROJECT.read_text("utf-8"))[1]
+    assert line.endswith(f"-m pip install '{accepted}'")
 
 
 def test_without_dm_control_everything_but_its_interface_is_there():

@@ -96,14 +96,16 @@ def test_replay_finds_the_tick_of_a_changed_command(folder, tick):
     assert f"from tick {tick + 1} of 40" in str(report)
 
 
-def test_replay_finds_one_flipped_bit_in_one_state(folder):
+def test_replay_finds_one_flipped_bit_in_one_state_and_names_the_versions_that_are_others(folder):
     def change(arrays):
         arrays["state"].view(np.uint64)[20, 5] ^= 1
 
     edit_states(folder, change)
     report = fg.replay(folder)
     assert report.first_difference == 20
-    assert report.greatest_difference < 1e-12
+    assert report.greatest_difference < 1e-12 and "versions" not in str(report)
+    edit_summary(folder, mujoco_version="9.8.7")
+    assert str(fg.replay(folder)).endswith(f"other versions: MuJoCo (recorded 9.8.7, here {mujoco.__version__})")
 
 
 @each("name", ["scene.xml", "states.npz", "telemetry.csv"])

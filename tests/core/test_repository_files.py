@@ -47,12 +47,15 @@ def test_the_hook_is_the_lint_of_this_checkout_and_names_no_other_repository():
     assert re.search("^lint:", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
 
 
-def test_the_workflow_runs_the_whole_check_on_every_python_that_is_accepted():
-    (job,) = read(".github/workflows/test.yml")["jobs"].values()
+def test_the_workflow_runs_the_whole_check_on_every_python_that_is_accepted_and_the_tests_on_the_newest_mujoco():
+    jobs = read(".github/workflows/test.yml")["jobs"]
+    job, newest = jobs["test"], jobs["mujoco4"]
     pythons = [version_of(text) for text in job["strategy"]["matrix"]["python"]]
     assert pythons[0] == LEAST_PYTHON
     assert pythons == [(3, minor) for minor in range(LEAST_PYTHON[1], pythons[-1][1] + 1)]
     assert [step["run"] for step in job["steps"] if "run" in step] == [".ci/run"]
+    assert [step["run"] for step in newest["steps"] if "run" in step] == [".ci/run mujoco4"]
+    assert re.search("^mujoco4:", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
     assert os.access(ROOT / ".ci" / "run", os.X_OK)
 
 

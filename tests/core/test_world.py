@@ -53,6 +53,15 @@ def test_the_model_is_that_of_the_xml_bit_for_bit(backend, tmp_path):
     assert bits(fg.World("l_corridor", lidar=backend).model) != bits(world.model)
 
 
+def test_no_jacobian_is_sparse_on_the_mujoco_that_solves_those_wrongly(tmp_path, monkeypatch):
+    text = fg.Vehicle.load("f1tenth").text
+    (tmp_path / "sparse.xml").write_text(text.replace("<option ", '<option jacobian="sparse" '))
+    car = fg.Vehicle.load(tmp_path / "sparse.xml")
+    for version, mu, sparse in (("4.0.1", 0.8, 1), ("4.0.0", 0.9, 0)):  # another mu: worlds are kept by their cars
+        monkeypatch.setattr(mujoco, "__version__", version)
+        assert mujoco.mj_isSparse(fg.World("oval", car, mu=mu).model) == sparse
+
+
 def test_tires_hull_and_lidar_touch_the_ground_and_only_the_chassis_touches_walls_and_obstacles(world):
     """MuJoCo's rule: contype against conaffinity either way, over all pairs of geoms; and the explicit pairs."""
     touching = set()
