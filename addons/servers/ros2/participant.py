@@ -179,13 +179,14 @@ class Participant:
         return True
 
     def come(self) -> Iterator[tuple[str, str, str]]:
-        """Yield topic, "publisher" or "reader", and type of who has come on the topics here; log who cannot match."""
+        """Yield topic, "publisher" or "reader", and type of who has come; log who cannot match on the topics here."""
         from cyclonedds.qos import Policy
 
         for who, reader in self._known.items():
             for each in self._others(reader.take(N=1000)):
                 topic, kind = self._topics.get(each.topic_name), kind_of(each.type_name)
                 if topic is None:
+                    yield each.topic_name.removeprefix(self._dds_name("")), who, kind
                     continue
                 partition, writer = each.qos[Policy.Partition], self._writers.get(topic)
                 names = () if partition is None else partition.partitions
@@ -223,6 +224,12 @@ class Participant:
     def read(self, topic: str, kind: str) -> None:
         """Take samples of a type from a topic from now on."""
         self._readers.append(self._make_reader(topic, kind, reliable=True))
+
+    def unread(self, topic: str) -> None:
+        """Take samples from a topic no longer."""
+        for each in [each for each in self._readers if each.topic == topic]:
+            self._waiting.detach(each.condition)
+            self._readers.remove(each)
 
     def announce(self) -> None:
         """Say to the graph of ROS which node reads and publishes here."""

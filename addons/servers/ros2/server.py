@@ -18,7 +18,8 @@ from typing import Any
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import DRIVE, from_cdr
 from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
-from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE
+from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE, is_pair
+from fg_mujoco.addons.ros.node_host.sensing import is_anothers
 from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, accepted_names
 
 from ..client_commands import ACKERMANN, TWIST, TWIST_STAMPED
@@ -79,6 +80,8 @@ class Ros2Server:
         self._came = 0.0  # [s] of wall time, when the last reader or publisher came
         self._driving = 0  # publishers of commands
         self._asked: set[str] = set()  # topics of the present moment that nobody has answered
+        self._others: dict[str, str] = {}  # types of further topics of commands that have a publisher
+        self._told: set[str] = set()  # those of them that it was said of what becomes of them
         self._alone = math.inf  # [s] when to say that no node has come
         self._again, self._patience = math.inf, _UNANSWERED  # [s] when they are published again
         self._race = LiveRace(
@@ -145,7 +148,14 @@ class Ros2Server:
                 self._came = now
             elif who == "publisher" and topic in self._race.published:
                 self._share(topic)
+            elif who == "publisher" and topic.startswith("/") and not is_anothers(topic):
+                if kind in _COMMAND_KINDS:
+                    self._others[topic], self._came = kind, now
+                elif is_pair(topic):
+                    self._say_unread(topic, kind, f"{DRIVE} on {DRIVE_TOPIC}")
         driving = [topic for topic in self._participant.publishers() if topic not in _NO_COMMANDS]
+        if self._others:
+            driving = self._take_others(driving, settled=now - self._came > _SETTLED)
         if self._race.step_on_drive and len(driving) > max(1, self._driving):
             where = ", ".join(dict.fromkeys(driving))
             self._log(f"each command of {len(driving)} publishers, on {where}, is a tick; accepted: one publisher")
@@ -153,8 +163,9 @@ class Ros2Server:
         if now >= self._alone:
             self._alone = math.inf
             self._log(
-                f"no node has come to domain {self._participant.domain}; accepted: nodes with this ROS_DOMAIN_ID; for "
-                "those on other machines --host, and where there is no multicast --peer ADDRESS"
+                f"no node has come to domain {self._participant.domain}; accepted: nodes with this ROS_DOMAIN_ID on "
+                "DDS, by RMW_IMPLEMENTATION=rmw_fastrtps_cpp or rmw_cyclonedds_cpp, not by rmw_zenoh_cpp, which there "
+                "is since Jazzy; for those on other machines --host, and where there is no multicast --peer ADDRESS"
             )
         fresh = self._participant.look() - set(STANDING)
         if fresh:
@@ -170,6 +181,39 @@ class Ros2Server:
                     self._participant.write(topic, content)
             self._again = now + self._patience if self._race.step_on_drive else math.inf
             self._patience *= 2.0
+
+    def _take_others(self, driving: list[str], *, settled: bool) -> list[str]:
+        """Read a further topic of commands that is the only one of its type, as nodes do, or say that it is not read.
+
+        Args:
+          driving: topics of commands that are read, each as often as it has publishers.
+          settled: nobody has come for a while.
+
+        Returns:
+          The same without a topic that is read no longer, as a usual one has a publisher now.
+        """
+        usual = [each for each in driving if each not in self._others]
+        for topic in self._others.keys() & self._taken.keys() if usual else ():
+            self._participant.unread(topic)
+            self._taken.pop(topic)
+            self._told.discard(topic)
+        driving = usual or driving
+        ackermann = [topic for topic, kind in self._others.items() if kind in (DRIVE, ACKERMANN)]
+        only = ackermann or list(self._others)
+        for topic in sorted(self._others.keys() - self._told) if settled else ():
+            kind = self._others[topic]
+            self._told.add(topic)
+            if only == [topic] and not driving:
+                self._taken[topic] = {kind}
+                self._participant.read(topic, kind)
+                self._log(f"{topic} is the only topic of {kind} that has a publisher, and is taken for {DRIVE_TOPIC}")
+                self._participant.announce()
+            else:
+                self._say_unread(topic, kind, f"{DRIVE_TOPIC}, or --type {topic}={kind}")
+        return driving
+
+    def _say_unread(self, topic: str, kind: str, accepted: str) -> None:
+        self._log(f"{topic} has a publisher of {kind}, which is not read; accepted: {accepted}")
 
     def _share(self, topic: str) -> None:
         """Say that another publishes on a topic, too, or leave it to that."""

@@ -304,7 +304,7 @@ def test_who_comes_and_cannot_match_or_publishes_the_same_is_told(monkeypatch):
     monkeypatch.setattr(server, "_ALONE", 0.0)
     with served() as (_, logged):
         until(lambda: logged)
-        assert "no node has come to domain" in logged.pop()
+        assert re.search(r"no node has come to domain .*RMW_IMPLEMENTATION=.*rmw_zenoh_cpp.*--host", logged.pop())
         peer, kind = Peer(), dds_type("nav_msgs/msg/Odometry")
         poses = peer.reader("rt/pf/pose/odom", kind)
         newest(peer.reader("rt/scan", LaserScan))
@@ -336,6 +336,26 @@ def test_who_comes_and_cannot_match_or_publishes_the_same_is_told(monkeypatch):
             logged.clear()
             del here
         until(lambda: poses.get_subscription_matched_status().current_count == 0)
+
+
+def test_a_topic_of_commands_of_another_name_is_read_while_it_is_the_only_one_of_its_type():
+    number = dds_type("std_msgs/msg/Float64")
+    with served() as (session, logged):
+        peer = Peer()  # only publishes
+        commands = peer.writer("rt/vesc_cmd", AckermannDriveStamped)
+        _ = peer.writer("rt/my/twist", dds_type("geometry_msgs/msg/Twist"))
+        until(lambda: len(logged) == 2)
+        assert re.search(r"^/my/twist has a publisher of \S+/Twist, which is not read; accepted: /drive, or", logged[0])
+        assert re.search(r"^/vesc_cmd is the only topic of \S+Stamped that has .* taken for /drive", logged[1])
+        until(lambda: commands.get_matched_subscriptions())
+        commands.write(drive(2.0))
+        until(lambda: session.simulation.time == pytest.approx(0.025))
+        _ = peer.writer("rt/commands/motor/speed", number), peer.writer("rt/reset", Data)
+        until(lambda: len(logged) == 4)
+        assert sorted(line.split()[0] for line in logged[2:]) == ["/commands/motor/speed", "/reset"]
+        _ = peer.writer("rt/drive", AckermannDriveStamped)  # a multiplexer's
+        until(lambda: len(logged) == 5 and not commands.get_matched_subscriptions())
+        assert re.search(r"^/vesc_cmd has a publisher of \S+Stamped, which is not read; accepted: /drive", logged[4])
 
 
 def test_noise_on_its_ports_is_dropped():
