@@ -197,7 +197,7 @@ def open_client(host: str, port: int, event: str) -> Client:
             socket = connect_websocket(
                 address, open_timeout=_HANDSHAKE, close_timeout=_CLOSING, max_size=_LONGEST, compression=None,
                 proxy=None, ping_interval=None,
-            )  # fmt: skip
+            ).__enter__()  # as websockets 17 wants it; its exit is `close`  # fmt: skip
         except InvalidHandshake as error:  # of another revision, or no such server
             refused = error
         except (OSError, EOFError) as error:

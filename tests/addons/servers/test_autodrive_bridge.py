@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 import pytest
+from websockets.sync.client import ClientConnection
 
 import fg_mujoco as fg
 from cases import each
@@ -81,6 +82,13 @@ def raced(answer, revision=3, *, wait=0.0, patience=devkit_module.PATIENCE, **se
     with devkit_server(answer, revision) as (address, kit), DevKit(address, BlankCamera(), patience=patience) as devkit:
         time.sleep(wait)
         return fg.race("oval", controller=devkit, **{"laps": 1} | settings), kit
+
+
+def test_a_connection_is_opened_as_a_context_which_websockets_17_asks_for(monkeypatch):
+    entered = []
+    monkeypatch.setattr(ClientConnection, "__enter__", lambda self: entered.append(self) or self)
+    with devkit_server(lambda number, packet: commands(0.0, 0.0)) as (address, _), DevKit(address, BlankCamera()):
+        assert len(entered) == 1
 
 
 def test_a_packet_has_what_the_simulator_tells_in_its_units():

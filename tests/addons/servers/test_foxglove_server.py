@@ -30,7 +30,8 @@ class Client:
     """A client of Foxglove's WebSocket protocol, version "foxglove.sdk.v1"."""
 
     def __init__(self, url):
-        self._socket = connect(url, subprotocols=["foxglove.sdk.v1"], max_size=1 << 26, proxy=None, ping_interval=None)
+        options = {"max_size": 1 << 26, "proxy": None, "ping_interval": None}
+        self._socket = connect(url, subprotocols=["foxglove.sdk.v1"], **options).__enter__()
         self.channels, self.services, self.said, self.messages, self.answers = {}, {}, [], {}, {}
         self.wait_for(lambda: self.channels and self.services)
 

@@ -33,7 +33,7 @@ class Peer:
     """A client of rosbridge, written from the protocol."""
 
     def __init__(self, server, **options):
-        self._socket = connect(server.url, max_size=1 << 26, proxy=None, ping_interval=None, **options)
+        self._socket = connect(server.url, max_size=1 << 26, proxy=None, ping_interval=None, **options).__enter__()
         self._called = 0
 
     def send(self, **operation):
