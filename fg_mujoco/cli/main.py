@@ -199,7 +199,10 @@ class _Parser(argparse.ArgumentParser):
             rather = command_for(value) if self.prog == "fg-mujoco" else None
             listed = accepted_names(value, action.choices)
             end = listed if rather is None else f"{listed.partition('; did you mean')[0]}; {rather}"
-            raise argparse.ArgumentError(None, f"{name} is {value!r}; {end}")
+            if action.option_strings:
+                raise argparse.ArgumentError(None, f"{name} is {value!r}; {end}")
+            listed = end.replace("accepted:", f"{name.lower()}s:", 1)
+            raise argparse.ArgumentError(None, f"there is no {name.lower()} {value!r}; {listed}")
 
     def error(self, message: str) -> NoReturn:
         if message.endswith("required: COMMAND") and self._subparsers is not None:

@@ -102,7 +102,7 @@ def again(name: str, settings: Mapping[str, Any]) -> str:
 
 def expected_table(chapters: Iterable[Chapter], section: Callable[[str], object] = str) -> Table:
     """Return what was expected and what was measured; `section` is how the name of a chapter is written."""
-    header = ("what", "expected", "measured", "section")
+    header = ("quantity", "expected", "measured", "section")
     rows = [(*each, section(chapter.name)) for chapter in chapters for each in chapter.section.expected]
     return Table(header=header, rows=rows, left=header)
 

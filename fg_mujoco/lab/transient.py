@@ -103,8 +103,8 @@ def _pictures(tires: str, runs: list[Row], samples: list[Row]) -> tuple[Figure, 
         ),
         Figure(
             name=f"time{ending}",
-            caption=f"Tires {tires}. A {name} at {k:g} times the law's speed, mu {mu:g}, under each law. Broken: where "
-            "tires count as sliding.",
+            caption=f"Tires {tires}. A {name} at {k:g} times the law's speed, mu {mu:g}, under each law. Dashed line: "
+            "limit of sliding.",
             draw=lambda figure: _draw_time(figure, tires, samples),
             height=4.2,
         ),

@@ -179,11 +179,14 @@ class Differences:
                     (each["planner"], each["reference"], each["pairs"], *_signed("+.0f", *points),
                      each[f"{self.value}_pairs"], *_signed("+.2f", value, low, high))
                 )  # fmt: skip
-        header = ("planner", "minus", "pairs", self.success, "95 % interval", "pairs with it", self.title, "of it")
+        header = (
+            "planner", "compared with", "pairs", self.success, "95 % interval", f"pairs, {self.title}", self.title,
+            "95 % interval, of the same",
+        )  # fmt: skip
         legend = (
-            "Differences are within pairs of runs in the same conditions: of the share of successes in percentage "
-            "points, with Newcombe's interval, and the median of those of the figure where both succeeded, with its "
-            "interval by order statistics, which needs six pairs. All intervals are at 95 %."
+            "Each pair is two runs in the same conditions. The share of successes: difference in percentage points, with "
+            f"Newcombe's interval at 95 %. {self.title}: median difference over the pairs in which both succeeded, with "
+            "the interval of order statistics at 95 %, from six pairs on."
         )
         return Table(header=header, rows=rows, left=header[:2], legend=legend) if rows else None
 
