@@ -68,7 +68,7 @@ _OF_DUELS = (
 
 def _study_options(wrote: str) -> tuple[Part, ...]:
     """Return the options that all studies have; `wrote` is what they leave in their folder."""
-    text = f"{wrote}; the same command goes on with a folder left unfinished, and a larger one drives only what is new"
+    text = f"{wrote}; the same command continues an unfinished folder; a larger one drives only the new runs"
     return WORKERS, out_options(STUDY, text, required=True), JSON, CONFIG, TRUST
 
 
@@ -135,7 +135,7 @@ def _print(found: Study, options: argparse.Namespace, *said: str) -> int:
     setup_options(
         but=("controller", "track", "seed", "max_speed", "mu", "obstacle_seed"), laps="on tracks; default: 5",
         obstacles="boxes on each track, at places drawn from the seed; default: 0",
-        moving="what moves on each track, at places drawn from the seed: {names}; default: nothing",
+        moving="things that move on each track, at places drawn from the seed: {names}; default: nothing",
     ),
     *_study_options("tables, pictures and finished runs"),
 )  # fmt: skip
@@ -175,7 +175,7 @@ def overtake_command(options: argparse.Namespace) -> int:
     ),
     _list("--track", f"NAME, random:SEED[:tight], file.csv or map.yaml; default: {','.join(LEAGUE_TRACKS)}", names_in,
           LEAGUE_TRACKS),
-    _list("--seed", f"{_SEEDS}; of what sensors draw, each a heat of its own; default: 0", _seeds_in, [0]),
+    _list("--seed", f"{_SEEDS}; of the sensors' noise; a heat for each; default: 0", _seeds_in, [0]),
     option("--cars", "of a heat; default: 2", "N", whole, 2),
     option("--keep-runs", "write the run folder of each heat, as `replay` takes it, to DIR/runs"),
     setup_options(

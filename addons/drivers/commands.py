@@ -26,7 +26,7 @@ from .racelines.raceline import MARGIN, OBJECTIVES, make_raceline
     setup_options(
         "vehicle", "tires", "mu", "floor", "max_speed", "obstacles", "obstacle_seed",
         max_speed="fastest that the car is driven [m/s]; default: 8",
-        obstacles="boxes on the track, which the line passes; default: 0",
+        obstacles="boxes on the track, which the line avoids; default: 0",
     ),
     option("--out", "the line, as pure_pursuit[line=FILE.csv] takes it; default: none", "FILE.csv", Path),
     option("--picture", "the line coloured by speed, and its g-g diagram", "FILE.png", Path),

@@ -34,12 +34,12 @@ def _settings_of(name: str, text: str) -> Part:
         names=NAMES["track"],
     ),
     option("--steps", "of all worlds together; default: 1000000", "N", whole),
-    option("--worlds", "that are driven at once; default: 32", "N", whole),
-    option("--seed", "of the worlds and of the network; default: 0", "K", whole),
-    option("--threads", "that drive the worlds, and that torch has; default: 1", "N", whole),
+    option("--worlds", "worlds that drive at once; default: 32", "N", whole),
+    option("--seed", "seed of the worlds and of the network; default: 0", "K", whole),
+    option("--threads", "threads of the worlds and of torch; default: 1", "N", whole),
     option("--start-from", "begin with the weights of another training's folder, or of a policy.zip", "PATH"),
     option("--estimate", "privileged terms that the actor gets estimates of, as mu", "LIST", names_in),
-    option("--checkpoints", "how many are written; default: 20", "N", whole),
+    option("--checkpoints", "number of checkpoints; default: 20", "N", whole),
     _settings_of(
         "--env", "a setting of the environment, as 'observation=beams:54,speed,flat', speed_range=[0.5,6]"
     ),
@@ -48,9 +48,9 @@ def _settings_of(name: str, text: str) -> Part:
         "--self-play", "race opponents drawn from earlier versions and planners: share=0.5, every=250000, kept=10, "
         "planners=[\"gap_finder\"]",
     ),
-    option("--out", "folder; the same command goes on with a training that is there", "DIR", required=True),
+    option("--out", "folder; the same command continues a training in it", "DIR", required=True),
     JSON,
-    trust("go on with, or start from, a checkpoint that you did not write here, which runs its code"),
+    trust("load a checkpoint that you did not write here, which runs its code"),
 )  # fmt: skip
 def train_command(options: argparse.Namespace) -> int:
     """Train a policy by PPO of Stable-Baselines3; its folder is a planner."""

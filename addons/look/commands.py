@@ -116,7 +116,7 @@ def _check_page(path: Path, options: argparse.Namespace) -> None:
     option("--web", "serve the view to a browser; without it, a window is opened"),
     option("--host", "with --web: listen there; default: 127.0.0.1, this machine alone", "ADDRESS"),
     option("--port", "with --web; default: 8080", "N", whole),
-    option("--no-wait", "with --web: start at once, and not when the first browser has come"),
+    option("--no-wait", "with --web: start at once, without waiting for a browser"),
     CONFIG,
     TRUST,
 )

@@ -48,7 +48,7 @@ _LAPS = 2  # that `map` drives
 
 _BAG = option("bag", ".mcap or .db3, or the folder of one or of its parts; .bag of ROS 1; or a drive's .csv", "BAG")
 _COLUMNS = option(
-    "--columns", "which columns of a CSV file are what; default: a layout that is recognised", "FILE.toml|LAYOUT"
+    "--columns", "meaning of a CSV file's columns; default: a known layout", "FILE.toml|LAYOUT"
 )
 _DRIVE_TOPIC = option("--drive-topic", "default: /drive, or the only one with commands", "TOPIC")
 _ODOM_TOPIC = option("--odom-topic", "of odometry, poses or a VESC; default: /odom, or the only one there is", "TOPIC")
@@ -62,22 +62,21 @@ _SCAN_TOPIC = option("--scan-topic", "default: /scan, or the only one with scans
         "folder; FILE.toml: the tires alone", "FOLDER|FILE.toml", Path, required=True,
     ),
     option(
-        "--hold-out", "drives that nothing is fitted to, to validate on; default: every third second of each drive",
+        "--hold-out", "drives for validation only; default: every third second of each drive",
         "DRIVE", nargs="+", default=[],
     ),
     option("--budget", "time for the fit [s], after which the best so far counts; default: 120", "S", number),
     option("--report", "a page of data and fit; default: none", "FILE.html", Path),
     option(
-        "--vehicle", "whose mass, inertia and lengths are assumed; default: the run's own car, or f1tenth with others",
-        "NAME|FILE", names=NAMES["vehicle"],
+        "--vehicle", "car with the assumed mass, inertia and lengths; default: the run's own car, else f1tenth", "NAME|FILE", names=NAMES["vehicle"],
     ),
-    option("--linear", "find the stiffness of each axle alone, which a gentle drive determines"),
+    option("--linear", "find only the stiffness of each axle, for a gentle drive"),
     option(
         "--front-drive", "of the drive at the front axle: 0.5, the default, with four driven wheels, 0 with driven "
         "rear wheels", "SHARE", number, 0.5,
     ),
     option(
-        "--single-track", "fit the single-track model: no load on outer tires, and driving takes nothing of the grip"
+        "--single-track", "fit the single-track model: no load transfer, and driving takes no grip"
     ),
     _COLUMNS,
     option("--pose-topic", "of the poses in a bag; default: the only one there is, or the odometry's", "TOPIC"),
@@ -148,7 +147,7 @@ def _write_identified(
     option("drives", "CSV files, folders of them, bags, or run folders", "DRIVE", nargs="+"),
     setup_options("vehicle", "tires", "mu", "floor"),
     _COLUMNS,
-    option("--threads", "that drive the windows, same bits for any; default: 1", "N", whole, 1),
+    option("--threads", "number of threads; the results are the same for any; default: 1", "N", whole, 1),
     option("--report", "a page of overlays and residuals; default: none", "FILE.html", Path),
     option("--csv", "all figures, a row each; default: none", "FILE.csv", Path),
     FORCE,
@@ -247,7 +246,7 @@ def export_command(options: argparse.Namespace) -> int:
     _BAG,
     option("--map", "write the map of its scans, with a PNG beside it", "FILE.yaml", Path),
     option("--resolution", f"of the map's cells [m]; default: {RESOLUTION}", "M", number, RESOLUTION),
-    option("--match", "correct the poses by the scans, too, where they are not said to drift"),
+    option("--match", "also correct poses by the scans if they are not known to drift"),
     _SCAN_TOPIC,
     option(
         "--pose-topic", "of poses on the map; default: the transforms from map, or the only one with poses", "TOPIC"
@@ -320,7 +319,7 @@ def _is_csv(options: argparse.Namespace) -> bool:
     _BAG,
     setup_options(
         "controller", "vehicle", "tires", "planner_mu", "max_speed", "track",
-        track="whose line a planner with a map follows, as race takes it; default: it has no map",
+        track="course whose line a planner with a map follows; default: no map",
     ),
     option("--out", "the commands, .csv, or .mcap with /drive; default: BAG_commands.csv, here", "FILE", Path),
     _SCAN_TOPIC,

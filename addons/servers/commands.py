@@ -139,14 +139,14 @@ def _log(line: str) -> None:
 
 @command(
     option(
-        "--devkit", "where a DevKit listens, which is to be started first; again for each car; default: "
+        "--devkit", "address of a running DevKit; again for each car; default: "
         "127.0.0.1:4567", "HOST[:PORT]", action="append",
     ),
     option(
         "--real-time", "a tick takes 25 ms and holds the last command; default: it waits for the DevKit's answer"
     ),
     option(
-        "--patience", "time after which a DevKit that does not answer is taken to be gone [s]; default: 10", "S", number
+        "--patience", "time without an answer after which the DevKit counts as gone [s]; default: 10", "S", number
     ),
     option("--camera", "draw the pictures of the front camera; default: they are blank"),
     setup_options(

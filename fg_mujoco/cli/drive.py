@@ -51,7 +51,7 @@ _FIGURES: dict[str, tuple[str, Callable[[float], str]]] = {
     setup_options(
         "vehicle", "tires", "mu", "floor", "start_s", "start_offset", "start_heading", "start_speed", "mass",
         "cog_height", "steering_gain", "speed_gain", "command_delay",
-        start_speed="at which the car rolls; default: the first commanded speed",
+        start_speed="speed of the rolling car; default: the first commanded speed",
     ),
     out_options(RUN, "write a run folder here"),
     JSON,

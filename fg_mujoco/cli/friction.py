@@ -26,16 +26,16 @@ def _experiment(parser: argparse.ArgumentParser) -> None:
 @command(
     _experiment,
     out_options(
-        STUDY, "report.html, CSVs, figures and finished cells; the same command goes on with a folder left unfinished, "
-        "and other experiments may be added to it; default: the results are printed",
+        STUDY, "report.html, CSVs, figures and finished cells; the same command continues an unfinished folder, and "
+        "other experiments may be added; default: the results are printed",
     ),
     WORKERS,
     option("--quick", "a small part of each experiment, for a first look"),
-    option("--seed", "of whatever is drawn; default: 0", "N", whole, 0),
+    option("--seed", "seed of all random values; default: 0", "N", whole, 0),
     option("--mu", "friction coefficients of skidpad, a comma between two", "LIST", numbers_in),
     option("--steering", "steering angles of skidpad [rad]", "LIST", numbers_in),
     option(
-        "--redraw", "measure nothing: write the report of DIR anew, from cells that other sources may have measured"
+        "--redraw", "write the report of DIR again without measuring; other versions may have measured its cells"
     ),
 )  # fmt: skip
 def friction_command(options: argparse.Namespace) -> int:

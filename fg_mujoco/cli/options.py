@@ -102,7 +102,7 @@ def _registered(path: Path, name: str) -> str:
     return there or name
 
 
-GROUPS = ("what is driven", "car", "floor", "sensors", "other cars")
+GROUPS = ("course and planner", "car", "floor", "sensors", "other cars")
 """Titles of a Setup's options in the help of a command, in their order."""
 
 _NAMES: Registry[Any] = Registry("names", SettingsError, own={

@@ -34,7 +34,7 @@ _DONE, _NOT_DONE = 0, 1
     out_options(RUN, "write a run folder here"),
     option("--video", "write a video of the best lap, .mp4 or .gif; see render", "FILE", Path, title=OUTPUT),
     JSON,
-    option("--traceback", "of a planner that fails, print the whole traceback, not its own part"),
+    option("--traceback", "print the whole traceback of a planner that fails"),
     CONFIG,
     TRUST,
 )

@@ -23,7 +23,7 @@ _USUAL_SIZE = (1280, 720)
 _TIMED, _LONG = 20, 3.0  # after so many frames it is said how long the video takes, where that is longer [s]
 _CAMERA_NAMES = "chase, onboard, top, track, orbit"
 _SWITCHES = {
-    "beams": "the LiDAR's beams, coloured by what the planner made of them",
+    "beams": "the LiDAR's beams, coloured by the planner's use of them",
     "trace": "the trace so far, coloured by friction utilisation",
     "forces": "the tires' forces in their friction circles",
     "strip": "speed, the law's limit, steering, lap and friction utilisation along the lower edge",
@@ -73,7 +73,7 @@ def _qualities() -> Iterable[str]:
     option(
         "--camera", f"{_CAMERA_NAMES}; default: chase", "NAME", default="chase", names=_cameras
     ),
-    option("--car", "that the camera follows, of several; default: 0", "N", whole, 0),
+    option("--car", "car that the camera follows; default: 0", "N", whole, 0),
     option("--size", "pixels; default: 1280x720", "WxH", size_of, _USUAL_SIZE),
     option("--fps", "frames a second of the video; default: 30", "N", number, 30.0),
     option(

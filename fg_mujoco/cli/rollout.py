@@ -32,26 +32,26 @@ _MIB = 2**20
 
 @command(
     option(
-        "--track", "NAME, random:SEED[:tight] or file.csv, as often as wanted: the worlds take them in turn; default: "
+        "--track", "NAME, random:SEED[:tight] or file.csv, several may be given: the worlds take turns; default: "
         "oval", "TRACK", names=NAMES["track"], action="append",
     ),
     option("--n", f"worlds; default: {DEFAULT_WORLDS}", "N", whole),
     option(
-        "--randomize", "as often as wanted; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or one "
-        "value", "NAME=RANGE", default=[], action="append",
+        "--randomize", "several may be given; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or "
+        "one value", "NAME=RANGE", default=[], action="append",
         names=lambda: [f"{name}=" for name in PARAMETERS if name not in OF_ENVIRONMENTS],
     ),
     setup_options(
-        but=("track", "lidar", "motion_distortion", "rules"), seed="of all that is drawn; default: 0",
+        but=("track", "lidar", "motion_distortion", "rules"), seed="seed of all random values; default: 0",
         laps="default: 1, or as many as fit the time limit", decision_limit="of wall time for each decision; a planner "
         "that takes longer, or never answers, ends its world",
     ),
     option("--workers", "threads, processes, or with Ray cores; default: all cores", "N", whole),
     option(
-        "--record", "{names}, or scans:STEP, every how many-th beam; default: summary", "WHAT", default="summary",
+        "--record", "{names}, or scans:STEP for every STEP-th beam; default: summary", "WHAT", default="summary",
         names=lambda: RECORDS,
     ),
-    out_options(STUDY, "keep the results here; the same command goes on with a folder left unfinished"),
+    out_options(STUDY, "keep the results here; the same command continues an unfinished folder"),
     option(
         "--memory-budget", f"of what is recorded and being driven; default: {Executor.memory_budget // _MIB}", "MIB",
         whole, Executor.memory_budget // _MIB,

@@ -47,7 +47,7 @@ class Entry(DriveSettings):
 
     controller: str | Controller = setting(
         "gap_finder", "NAME, path/to/file.py:ClassName, a policy's file or folder, or ros:path/to/node.py, with "
-        "settings NAME[SETTING=VALUE,...]; default: gap_finder", "CONTROLLER", "what is driven",
+        "settings NAME[SETTING=VALUE,...]; default: gap_finder", "CONTROLLER", "course and planner",
     )  # fmt: skip
     name: str | None = None  # in the results; None: `car_0`, `car_1` and so on
     start: Start | None = None  # type: ignore[assignment]  # None: its place on the grid

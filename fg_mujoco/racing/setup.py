@@ -96,22 +96,24 @@ class Setup:
 
     track: Course | str = setting(
         "oval", "NAME, random:SEED[:tight], scene:NAME:SEED, file.csv or map.yaml; default: oval; names: track list, "
-        "track scenes", "TRACK", "what is driven",
+        "track scenes", "TRACK", "course and planner",
     )  # fmt: skip
     entries: Sequence[Entry] = field(default_factory=lambda: (Entry(),))  # the cars, in the order of the grid
     laps: int | None = setting(  # of a world of a rollout 1
-        None, "default: 5; a scene is driven once", "N", "what is driven"
+        None, "default: 5; a scene is driven once", "N", "course and planner"
     )
     time_limit: float | None = setting(
-        None, "of simulated time [s]; default: what a car of 0.5 m/s needs, or the scene's", "S", "what is driven"
+        None, "of simulated time [s]; default: what a car of 0.5 m/s needs, or the scene's", "S", "course and planner"
     )
     obstacles: Sequence[Obstacle] | int = setting(  # or the solids themselves, besides a scene's own
-        (), "boxes on the track, with a way past each; default: 0", "N", "what is driven"
+        (), "boxes on the track, with a way past each; default: 0", "N", "course and planner"
     )
-    obstacle_seed: int = setting(0, "of their places, and of --moving; default: 0", "K", "what is driven")
+    obstacle_seed: int = setting(
+        0, "seed of the places of --obstacles and --moving; default: 0", "K", "course and planner"
+    )
     moving: str | Sequence[MovingObstacle] = setting(
-        "", "what moves on the track, at places that --obstacle-seed draws: {names}; default: nothing", "KIND[:N],...",
-        "what is driven",
+        "", "things that move on the track, at places drawn from --obstacle-seed: {names}; default: nothing",
+        "KIND[:N],...", "course and planner",
     )  # fmt: skip
     patches: Sequence[Patch] = setting(
         (), "a patch of the floor with another friction, x=1,y=2,length=3,width=1,mu=.4; again for each", "x=X,...",
@@ -119,12 +121,12 @@ class Setup:
     )  # fmt: skip
     lidar: str = setting("raycast", "back end: {names}; default: raycast", "NAME", "sensors")
     grid: str = setting(  # where entries without a start stand, see `entries.grid_starts`
-        "staggered", "before the start: {names}; default: staggered", "NAME", "other cars"
+        "staggered", "order at the start: {names}; default: staggered", "NAME", "other cars"
     )
     rules: str = setting("none", "of race control: {names}; default: none", "NAME", "other cars")
     decision_limit: float | None = setting(
-        None, "of wall time for each decision [s]; a planner that takes longer, or never answers, ends its race", "S",
-        "what is driven",
+        None, "limit of wall time for each decision [s]; a slower planner ends its race", "S",
+        "course and planner",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

@@ -142,10 +142,10 @@ class Start:
       SettingsError: a value that is no number of at most a million.
     """
 
-    s: float = setting(0.0, "progress at which the car starts [m]; default: 0", "M", "what is driven")
-    offset: float = setting(0.0, "how far to the left of the line it starts [m]; default: 0", "M", "what is driven")
-    heading: float = setting(0.0, "from the line's [rad], left positive; default: 0", "RAD", "what is driven")
-    speed: float = setting(0.0, "with wheels rolling [m/s]; default: 0", "V", "what is driven")
+    s: float = setting(0.0, "progress at which the car starts [m]; default: 0", "M", "course and planner")
+    offset: float = setting(0.0, "how far to the left of the line it starts [m]; default: 0", "M", "course and planner")
+    heading: float = setting(0.0, "from the line's [rad], left positive; default: 0", "RAD", "course and planner")
+    speed: float = setting(0.0, "with wheels rolling [m/s]; default: 0", "V", "course and planner")
 
     def __post_init__(self) -> None:
         names = ("s", "offset", "heading", "speed")
@@ -177,16 +177,16 @@ class CarSettings:
         "with settings; again for each", "NAME", "sensors",
     )  # fmt: skip
     floor: Any = setting(
-        None, "a floor that was measured, whose friction the tires have, in place of --mu: {names}, or the file of one",
+        None, "friction of a measured floor, in place of --mu: {names}, or the file of one",
         "NAME|FILE.toml", "floor",
     )  # fmt: skip
     knows: str = setting(  # of KNOWN: what the planner is told that nothing on its car measures
-        "", "opponents: the planner is told the odometry of the other cars; default: nothing", "TEXT", "sensors",
+        "", "opponents: the planner reads the odometry of the other cars; default: nothing", "TEXT", "sensors",
         told=True,
     )  # fmt: skip
     assist: str = setting(
         "full", "stages between the planner and its car: none, grip, safe, full, or names of stages joined by commas; "
-        "default: full", "NAMES", "what is driven", told=True,
+        "default: full", "NAMES", "course and planner", told=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -380,7 +380,7 @@ class DriveSettings(CarSettings):
         "floor",
     )  # fmt: skip
     max_speed: float = setting(
-        FASTEST, f"fastest that the planner may command [m/s]; default: {FASTEST:g}", "V", "what is driven"
+        FASTEST, f"fastest that the planner may command [m/s]; default: {FASTEST:g}", "V", "course and planner"
     )
     planner_settings: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's own
     start: Start = field(default_factory=Start)
@@ -388,7 +388,7 @@ class DriveSettings(CarSettings):
     odometry_drift: float = setting(
         0.0, "relative error of measured speeds and yaw rate, .05 is 5 %%; default: 0", "D", "sensors"
     )
-    seed: int = setting(0, "of noise and dropouts; default: 0", "N", "what is driven")
+    seed: int = setting(0, "seed of noise and dropouts; default: 0", "N", "course and planner")
 
     def __post_init__(self) -> None:
         super().__post_init__()

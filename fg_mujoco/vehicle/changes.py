@@ -49,8 +49,8 @@ class CarChanges:
     center_of_gravity_height: float | None = setting(
         None, "of the whole car's centre of gravity over the ground [m]; default: the vehicle's", "M", "car"
     )
-    steering_gain: float | None = setting(None, "times the stiffness of the steering servo; default: 1", "K", "car")
-    speed_gain: float | None = setting(None, "times the gain of the speed servo; default: 1", "K", "car")
+    steering_gain: float | None = setting(None, "factor on the stiffness of the steering servo; default: 1", "K", "car")
+    speed_gain: float | None = setting(None, "factor on the gain of the speed servo; default: 1", "K", "car")
     command_delay: float | None = setting(
         None, "from a command to the servos [s]; default: the vehicle's", "S", "car"
     )

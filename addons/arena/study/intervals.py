@@ -184,9 +184,9 @@ class Differences:
             "95 % interval, of the same",
         )  # fmt: skip
         legend = (
-            "Each pair is two runs in the same conditions. The share of successes: difference in percentage points, with "
-            f"Newcombe's interval at 95 %. {self.title}: median difference over the pairs in which both succeeded, with "
-            "the interval of order statistics at 95 %, from six pairs on."
+            "Each pair is two runs in the same conditions. Share of successes: difference in percentage points, with "
+            f"Newcombe's interval at 95 %. {self.title}: median difference over the pairs in which both succeeded, "
+            "with the interval of order statistics at 95 %, from six pairs on."
         )
         return Table(header=header, rows=rows, left=header[:2], legend=legend) if rows else None
 

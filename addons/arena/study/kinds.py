@@ -90,7 +90,7 @@ class Comparison(Study):
         places = ("planner", *conditions(self.rows, always=("course",)))
         legend = (
             "A success has finished and touched nothing but other cars; the interval of its share is Wilson's at 95 %. "
-            'Lap times are of the successes alone, whose number is in "of runs": the median of their best laps with its '
+            'Lap times are of the successes alone, whose number is "of runs": the median of their best laps with its '
             "quartiles, and the mean of their mean laps. An interval is given only where runs differ."
         )
         return [table_of(self.cells, places, _ALONE, legend)]
