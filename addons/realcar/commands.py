@@ -68,7 +68,8 @@ _SCAN_TOPIC = option("--scan-topic", "default: /scan, or the only one with scans
     option("--budget", "time for the fit [s], after which the best so far counts; default: 120", "S", number),
     option("--report", "a page of data and fit; default: none", "FILE.html", Path),
     option(
-        "--vehicle", "car with the assumed mass, inertia and lengths; default: the run's own car, else f1tenth", "NAME|FILE", names=NAMES["vehicle"],
+        "--vehicle", "car with the assumed mass, inertia and lengths; default: the run's own car, else f1tenth",
+        "NAME|FILE", names=NAMES["vehicle"],
     ),
     option("--linear", "find only the stiffness of each axle, for a gentle drive"),
     option(

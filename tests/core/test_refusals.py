@@ -82,7 +82,7 @@ GIVEN = {
     **{kind: {} for kind in (Footprint, GeneratorSettings, TightSettings)},
 }  # fmt: skip
 """What makes one of each class that cannot be made of nothing, and classes of add-ons."""
-INNER = {"OpenGround", "WorldCar", "Tires", "DriveSettings", "Scenario", "EnvironmentSettings"}  # or see below
+INNER = {"OpenGround", "Stage", "WorldCar", "Tires", "DriveSettings", "Scenario", "EnvironmentSettings"}  # or see below
 JUDGED_LATER = {"line", "pose_map", "controller", "track", "entries", "kind", "obstacles"}  # when it is used
 OF_PLANNERS_THEMSELVES = {"car", "seed", "map_line", "sensors", "lidar", "assist"}  # of PlannerContext
 
