@@ -260,7 +260,7 @@ def test_of_one_run_or_of_copies_of_it_there_are_no_intervals_and_no_quartiles()
             assert (cell["best_lap_s"], cell["best_lap_s_q25"], cell["best_lap_s_q75"]) == (9.0, None, None)
         (found,) = Comparison.differences_of.of(rows)
         assert [found[name] for name in found if name.endswith(("_low", "_high"))] == [None] * 4
-        assert "| b       | a     |" in Comparison.differences_of.table([found]).markdown()
+        assert "| b       | a             |" in Comparison.differences_of.table([found]).markdown()
 
 
 def test_differences_are_within_pairs_of_runs():
@@ -297,7 +297,7 @@ def test_the_files_and_the_page_have_intervals_counts_and_differences(here):
     assert comparison.summary()["differences"][0]["pairs"] == 2
     text = (here / "out" / "table.md").read_text("utf-8")
     assert text == comparison.markdown()
-    assert "Wilson's at 95 %" in text and "Newcombe's interval" in text and "minus" in text
+    assert "Wilson's at 95 %" in text and "Newcombe's interval" in text and "compared with" in text
     page = write_comparison_report("out", trust=True).read_text("utf-8")
     for said in ("<th>of runs</th>", "Wilson&#x27;s", "Paired differences", "Newcombe"):
         assert said in page
