@@ -12,13 +12,14 @@ A rollout that was interrupted is a dataset of the chunks that it finished.
 
 from __future__ import annotations
 
+import copy
 import importlib
 import importlib.util
 import json
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,8 @@ from numpy.typing import NDArray
 
 from fg_mujoco.arguments import Suggesting, explain_class
 from fg_mujoco.display import brief
-from fg_mujoco.errors import RunFolderError, SettingsError, accepted_names, missing_extra
+from fg_mujoco.envs.registration import ID
+from fg_mujoco.errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, missing_extra
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.randomization import Randomization
 from fg_mujoco.rollouts.chunk_store import ChunkStore, FolderStore
@@ -168,7 +170,8 @@ class Dataset(Sequence[Episode], Suggesting):
         Observations have the names and shapes of the environments': `scan`, `speed`, `yaw_rate`, `steering_angle` and
         `acceleration`. Actions are the commands within the car's limits. The reward of a tick is the progress in it
         [m]. An episode ends with the observation of the last tick, so that the last command is left out, and worlds of
-        fewer than two ticks are, too.
+        fewer than two ticks are, too. `recover_environment` of the dataset makes the environment of the same courses
+        and cars, with the same beams; one that cannot be made, as of a track that is not here, is named.
 
         Raises:
           MissingExtraError: Minari is not installed.
@@ -181,6 +184,8 @@ class Dataset(Sequence[Episode], Suggesting):
         shapes = {"speed": 1, "yaw_rate": 1, "steering_angle": 1, "acceleration": 2}
         seen = {each: spaces.Box(-np.inf, np.inf, (size,), np.float32) for each, size in shapes.items()}
         seen["scan"] = spaces.Box(0.0, self.layout.range_max, (self.layout.beams,), np.float32)
+
+        env_spec = self._env_spec()
 
         def buffer(episode: Episode) -> Any:
             last = len(episode) - 1
@@ -205,9 +210,27 @@ class Dataset(Sequence[Episode], Suggesting):
             warnings.simplefilter("ignore", UserWarning)  # on authors and links that a dataset should have
             return minari.create_dataset_from_buffers(
                 dataset_id=name, buffer=(buffer(episode) for episode in self if len(episode) > 1),
-                observation_space=spaces.Dict(seen), action_space=spaces.Box(low, high, dtype=np.float32),
+                env=env_spec, observation_space=spaces.Dict(seen),
+                action_space=spaces.Box(low, high, dtype=np.float32),
                 algorithm_name=self.settings["controller"], description=json.dumps(self.settings),
             )  # fmt: skip
+
+
+    def _env_spec(self) -> Any:
+        """Return Gymnasium's specification of an environment of these worlds; None: it cannot be made, as is said."""
+        gymnasium = importlib.import_module("gymnasium")
+        said, tracks = self.settings, [each["name"] for each in self.settings["tracks"]]
+        own = {name: said[name] for name in ("laps", "randomize") if said.get(name)}
+        own |= {"track": tracks if len(tracks) > 1 else tracks[0], "beam_step": said["scan"]["step"]}
+        spec = copy.deepcopy(gymnasium.spec(ID))
+        drive = said.get("drive", {})  # with hashes of files, too
+        spec.kwargs = {each.name: drive[each.name] for each in fields(DriveSettings) if each.name in drive} | own
+        try:
+            gymnasium.make(spec).close()
+        except FgMujocoError as error:
+            warnings.warn(f"the dataset has no environment to recover: {error}", stacklevel=3)
+            return None
+        return spec
 
 
 def read_dataset(folder: str | Path) -> Dataset:

@@ -138,9 +138,10 @@ def test_a_folder_without_scans_is_refused(tmp_path):
 
 def test_minari_has_the_transitions(folder, monkeypatch):
     """What is given to Minari, which is not needed for that."""
-    kept, stub = [], SimpleNamespace()
+    gymnasium = pytest.importorskip("gymnasium")
+    kept, specs, stub = [], [], SimpleNamespace()
     stub.data_collector = SimpleNamespace(EpisodeBuffer=SimpleNamespace)
-    stub.create_dataset_from_buffers = lambda buffer, **told: kept.extend(buffer)
+    stub.create_dataset_from_buffers = lambda buffer, env, **told: (kept.extend(buffer), specs.append(env))
     monkeypatch.setattr("fg_mujoco.addons.learn.dataset.require_minari", lambda: stub)
     found = fg.read_dataset(folder)
     found.to_minari("fg-mujoco/test-v0")
@@ -151,3 +152,7 @@ def test_minari_has_the_transitions(folder, monkeypatch):
         assert given.rewards.sum() == pytest.approx(episode["progress"][-1] - episode["progress"][0], abs=1e-5)
         assert given.truncations.tolist() == [False] * (len(episode) - 2) + [True]  # by the time limit
         assert not given.terminations.any()
+    environment = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(specs[0].to_json()))
+    seen, _ = environment.reset(seed=0)
+    for name, values in kept[0].observations.items():
+        assert seen[name].shape == values.shape[1:], name
