@@ -8,6 +8,8 @@ import numpy as np
 import fg_mujoco as fg
 from fg_mujoco.addons.look.debug import debug_page
 from fg_mujoco.addons.look.debug.decisions import Witness
+from fg_mujoco.addons.ros.node_host.graph import Graph
+from fg_mujoco.addons.ros.node_host.launch_files import launched
 from fg_mujoco.addons.ros.node_host.program import read_program
 from fg_mujoco.racing.planners import bundled_names, make_controller
 
@@ -173,6 +175,31 @@ def _launch_file(samples, here, rng):
     return ignore_refusal(lambda: read_program("ros:car.launch.py"))
 
 
+ENTITIES = {
+    "car.launch.xml": """<launch><arg name="v" default="1.0"/><let name="n" value="$(var v)$(dirname)"/>
+<group scoped="true" unless="$(equals $(var v) 2)"><push_ros_namespace namespace="a"/>
+<node pkg="car" exec="drive" args="'a b' $(var v)"><param name="a" value="[$(var v), 2.0]"/><param name="b"><param
+ name="c" value="1, 2" value-sep=", " type="float"/></param><remap from="x" to="/y"/><env name="E" value="$(optenv Z)"/>
+<param from="$(find-pkg-share car)/car.yaml"/></node></group><include file="$(dirname)/inner.launch.py"/></launch>""",
+    "car.launch.yaml": """launch:
+- arg: {name: v, default: '1.0', choice: [{value: '1.0'}, {value: '2'}]}
+- group: {scoped: false, if: $(or true false), children: [{set_parameter: {name: a, value: [1, 2]}}]}
+- node: {pkg: car, exec: drive, name: $(anon d), param: [{name: b, value: $(var v)}, {from: car.yaml}]}
+- include: {file: $(dirname)/inner.launch.py, arg: [{name: w, value: $(if $(not 0) 'a b' "c")}]}
+""",
+}
+
+
+def _launch_entities(samples, here, rng):
+    name = one_of(rng, list(ENTITIES))
+    (here / "package.xml").write_text("<package><name>car</name></package>")
+    (here / "drive.py").write_text("pass")
+    (here / "car.yaml").write_text("car: {ros__parameters: {speed: 1.0}}")
+    (here / "inner.launch.py").write_text("def generate_launch_description():\n    return []\n")
+    (here / name).write_bytes(mutated(ENTITIES[name].encode(), rng))
+    return ignore_refusal(lambda: launched(here / name, {}, "fuzz", Graph(10.0)))
+
+
 class OddArray:
     """Cannot be read, nor written."""
 
@@ -222,6 +249,7 @@ def _shown_values(samples, here, rng):
     return look
 
 
-TARGETS = {"launch_file": Target(attempt=_launch_file), "shown_values": Target(attempt=_shown_values),
+TARGETS = {"launch_file": Target(attempt=_launch_file), "launch_entities": Target(attempt=_launch_entities),
+           "shown_values": Target(attempt=_shown_values),
            "planner_settings": Target(attempt=_planner_settings, prepare=ring),
            "planner_file": Target(attempt=_planner_file), "scans": Target(attempt=_scans)}  # fmt: skip

@@ -291,16 +291,18 @@ class LaunchFiles:
 
     def _parameter_file(self, value: Any, place: str) -> list[Path]:
         """Return a file of parameters, alone; as in ROS one that is not there gives a warning, and is left out."""
+        allowed = isinstance(value, Made) and value.kind == "ParameterFile" and value.named.get("allow_substs", False)
         if isinstance(value, Made) and value.kind == "ParameterFile":
             value = (*value.values, *value.named.values())[0]
         path = Path(self._text(value))
-        if path.is_file():
-            return [path]
-        found = data_file(str(path), self.first)
+        found = path if path.is_file() else data_file(str(path), self.first)
         if found is None:
             self.left_out.append(f"the parameters of {path}, which is no file{place}")
             return []
-        warnings.warn(f"{path} is not there; {found} is taken{place}", stacklevel=2)
+        if found != path:
+            warnings.warn(f"{path} is not there; {found} is taken{place}", stacklevel=2)
+        if self._truth(allowed, "allow_substs", place) and b"$(" in found.read_bytes():
+            raise ControllerError(f"{self.said}: {found} has substitutions{place}; accepted: values")
         return [found]
 
     def _parameter(self, value: Any) -> Any:

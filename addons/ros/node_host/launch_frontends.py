@@ -49,7 +49,7 @@ _ACTIONS: dict[str, tuple[str, dict[str, str], int, tuple[str, ...]]] = {
 }
 """Entity -> class of the object, its attributes with the names that the class gives them, how many of these it must
 have, the first ones, and what may be within it."""
-_PARAM = ("name", "value", "value-sep", "type", "from", "allow_substs")
+_PARAM = ("name", "value", "value-sep", "type")
 _WITH_ACTIONS = ("launch", "group", "timer", "ros_timer")
 _LEFT_OUT = (
     "executable", "node_container", "load_composable_node", "composable_node", "for", "for_each", "test",
@@ -69,7 +69,7 @@ _SUBSTITUTIONS = {
     "if": "IfElseSubstitution",
 }  # fmt: skip
 _KINDS = {"str": str, "int": int, "float": float, "bool": bool}
-_NAME = re.compile(r"[A-Za-z][\w-]*")
+_NAME, _GAP = re.compile(r"[A-Za-z][\w-]*"), re.compile(" +")
 _LINE = "__line__"  # of a mapping in YAML
 _MARK = 0xE000  # a character for private use, and those behind it
 
@@ -172,7 +172,7 @@ class _Frontend:
 
     def _of_node(self, entity: _Entity) -> dict[str, Any]:
         inner = {kind: [each for each in entity.children if each.kind == kind] for kind in ("param", "remap", "env")}
-        files = [self._text(each, each.attributes["from"]) for each in inner["param"] if "from" in each.attributes]
+        files = [self._file(each) for each in inner["param"] if "from" in each.attributes]
         own = self._parameters([each for each in inner["param"] if "from" not in each.attributes])
         words = [self._words(entity, str(entity.attributes.get(name, ""))) for name in ("args", "ros_args")]
         return {
@@ -181,6 +181,11 @@ class _Frontend:
             "additional_env": dict(self._pair(each, "name", "value") for each in inner["env"]),
             "arguments": [*words[0], *(["--ros-args", *words[1]] if words[1] else [])],
         }
+
+    def _file(self, entity: _Entity) -> Made:
+        self._check(entity, ("from", "allow_substs"), 1, ())
+        allowed = self._text(entity, entity.attributes.get("allow_substs", False))
+        return self._new(entity, "ParameterFile", self._text(entity, entity.attributes["from"]), allow_substs=allowed)
 
     def _parameters(self, entities: Sequence[_Entity]) -> dict[str, Any]:
         found: dict[str, Any] = {}
@@ -249,17 +254,15 @@ class _Frontend:
     def _parts(self, entity: _Entity, text: str, at: int, ends: str) -> tuple[list[Any], int]:
         """Return texts and substitutions from a place on up to one of some characters, and the place of that."""
         parts: list[Any] = []
-        plain = ""
         while at < len(text) and text[at] not in ends:
             if text.startswith("$(", at):
-                parts += [plain] if plain else []
                 made, at = self._substitution(entity, text, at + 2)
-                parts, plain = [*parts, made], ""
+                parts.append(made)
             else:
                 at += text[at] == "\\"
-                plain += text[at : at + 1]
+                parts.append(text[at : at + 1])
                 at += 1
-        return ([*parts, plain] if plain else parts), at
+        return parts, at
 
     def _substitution(self, entity: _Entity, text: str, at: int) -> tuple[Made, int]:
         """Return the substitution whose name begins at a place, and the place behind its bracket."""
@@ -269,8 +272,8 @@ class _Frontend:
             wrong = f"the substitution $({name or text[at:]}) is not known"
             raise self._refused(entity, f"{wrong}; {accepted_names(name, tuple(_SUBSTITUTIONS))}")
         at, values = at + len(name), []
-        while text[at : at + 1] == " ":
-            at += len(text[at:]) - len(text[at:].lstrip(" "))
+        while gap := _GAP.match(text, at):
+            at = gap.end()
             quote = text[at : at + 1] if text[at : at + 1] in ("'", '"') else ""
             value, at = self._parts(entity, text, at + len(quote), quote or " )")
             at += len(quote)

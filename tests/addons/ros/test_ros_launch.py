@@ -151,7 +151,8 @@ def xml(*entities):
     [("a.launch.xml", xml('<arg name="v" default="2.5"/>',
                           DRIVE_XML.format('<param name="speed" value="$(var v)"/>')), 2.5),
      ("a.xml", xml(DRIVE_XML.format('<param name="limits"><param name="top" value="0.5"/></param>')), 0.5),
-     ("a.launch.xml", xml(DRIVE_XML.format('<param from="$(find-pkg-share my_car)/config/car.yaml"/>')), 1.5),
+     ("a.launch.xml", xml(DRIVE_XML.format('<param from="$(find-pkg-share my_car)/config/car.yaml" '
+                                           'allow_substs="true"/>')), 1.5),
      ("a.launch.xml", xml(DRIVE_XML.format('<param from="$(dirname)/../config/car.yaml"/>'
                                            '<param name="speed" value="30." type="float"/>')), 4.0),
      ("a.launch.xml", xml('<let name="m" value="fast"/>', '<group if="$(eval &quot;\'$(var m)\' == \'fast\'&quot;)">',
@@ -195,6 +196,7 @@ def test_a_launch_file_in_xml_or_yaml_starts_what_one_in_python_does(name, text,
        (xml(DRIVE_XML.format("").replace("<node", '<node if="maybe"')), r"a condition is 'maybe' \(.*line 2\)"),
        (xml('<let name="v"/>'), r"let has no 'value'; accepted: name, value, if.* \(.*line 2\)"),
        (xml("<executable cmd='ls'/>"), r"starts no node .*left out are executable \(.*line 2\)"),
+       (xml(DRIVE_XML.format('<param from="$(dirname)/a.launch.xml" allow_substs="1"/>')), r"has substitutions .*2"),
        ("<launch><node></launch>", r"mismatched tag: line 1"),
        ("<robot><launch/></robot>", r"begins with 'robot'; accepted: launch")])
 def test_what_a_launch_file_in_xml_fails_of_is_named_with_its_line(text, said, workspace):
