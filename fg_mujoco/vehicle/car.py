@@ -89,7 +89,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     wheel_inertias = model.dof_M0[model.jnt_dofadr[spins]]
     effective_mass = mass + float(wheel_inertias.sum()) / wheel_radius**2
     steering, joints = steering_of(model, prefix)
-    steering_rate, steering_time_constant = response(model, steering, joints)
+    steering_angle, steering_rate, steering_time_constant = response(model, steering, joints)
     drive = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")
     speed_gain = _positive(model.actuator_gainprm[drive, 0], "gain of actuator 'speed'")
     power_limit = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
@@ -108,11 +108,11 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         yaw_inertia=yaw_inertia,
         wheel_radius=wheel_radius,
         wheel_inertia=float(wheel_inertias.mean()),
-        max_steering_angle=float(np.abs(model.actuator_ctrlrange[steering]).min()),
+        max_steering_angle=steering_angle,
         max_steering_rate=steering_rate,
         min_speed=float(model.actuator_ctrlrange[drive, 0]),
         max_speed=float(model.actuator_ctrlrange[drive, 1]),
-        max_acceleration=float(model.actuator_forcerange[drive, 1]) / effective_mass,
+        max_acceleration=_greatest_force(model, drive) / effective_mass,
         power_limit_speed=float(model.numeric_data[model.numeric_adr[power_limit]]),
         speed_time_constant=effective_mass / speed_gain,
         lidar_offset=float(model.site_pos[lidar_mount, 0]),
@@ -132,6 +132,19 @@ def steering_of(model: mujoco.MjModel, prefix: str = "") -> tuple[int, tuple[int
     joint, names = mujoco.mjtObj.mjOBJ_JOINT, ("steering", "front_left_kingpin", "front_right_kingpin")
     steering, left, right = (element_id(model, joint, f"{prefix}{name}") for name in names)
     return element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering"), (steering, left, right)
+
+
+def _greatest_force(model: mujoco.MjModel, drive: int) -> float:
+    """Return the greatest force of the drive on the ground [N]: of the servo, its tendon, and the wheels' joints."""
+    tendon = int(model.actuator_trnid[drive, 0])
+    force = float(model.actuator_forcerange[drive, 1] * model.actuator_gear[model.actuator_outadr[drive], 0])
+    if model.tendon_actfrclimited[tendon]:
+        force = min(force, float(model.tendon_actfrcrange[tendon, 1]))
+    for wrap in range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon]):
+        joint = int(model.wrap_objid[wrap])
+        if model.jnt_actfrclimited[joint]:
+            force = min(force, float(model.jnt_actfrcrange[joint, 1] / model.wrap_prm[wrap]))
+    return force
 
 
 def _positive(value: Any, what: str) -> float:

@@ -74,7 +74,7 @@ def command_response(model: mujoco.MjModel) -> CommandResponse:
     gain, braking, late = acceleration
     servo, joints = steering_of(model)
     return CommandResponse(
-        steering_gain=steering[0], steering_offset=steering[1], steering_lag=response(model, servo, joints)[1],
+        steering_gain=steering[0], steering_offset=steering[1], steering_lag=response(model, servo, joints)[2],
         steering_delay=float(model.actuator_delay[servo]), acceleration_gain=gain, braking_gain=braking,
         acceleration_delay=late,
     )  # fmt: skip

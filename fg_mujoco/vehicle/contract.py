@@ -21,9 +21,10 @@ from ..errors import FgMujocoError, ModelError, nearest
 from ..lidar.beams import Beams
 from ..messages import CarParameters, FloatArray
 from .bodywork import HULL
-from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
+from .car import WHEELS, Car, car_parameters, element_id, sensor_slice, steering_of
 from .command_response import command_response
 from .drive_check import engine_faults
+from .steering import ackermann
 from .tire_slip import TireSlipMeter
 from .vehicle_mjcf import OWN_CAR
 
@@ -180,6 +181,8 @@ def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
         _ = Car(model), TireSlipMeter(model), command_response(model)
     except FgMujocoError as error:
         yield str(error)
+    if not all(model.eq_active0[equality] for equality in ackermann(model, steering_of(model)[1])):
+        yield "an equality of the kingpins is not active; accepted: active, so that they follow the steering"
     yield from _standing_faults(model)
     yield from _beam_faults(model, beams)
 

@@ -81,3 +81,8 @@ def check_drive(model: Any) -> None:
             f"the car moves at {reached:.3g} m/s after {_DRIVEN:g} s at a command of {speed:g} m/s; accepted: "
             "a drive that moves it forward"
         )
+    if not (yaw_rate := float(data.qvel[int(car.constants["free_dof"][0]) + 5])) > 0.0:
+        raise ModelError(
+            f"the car turns by {yaw_rate:.3g} rad/s when it is steered to the left; accepted: axes of the steering and "
+            "the kingpins that point up"
+        )

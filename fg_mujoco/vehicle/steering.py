@@ -23,8 +23,8 @@ from ..messages import FloatArray
 _KNOWN = {
     "jnt": "actuatorid axis bodyid dofadr group limited margin pos qposadr range solimp solref user",
     "dof": "M0 Madr armature bodyid damping invweight0 jntid length parentid simplenum solimp solref treeid",
-    "actuator": "acc0 actadr armature biasprm ctrladr ctrllimited ctrlrange delay forcelimited forcerange gainprm "
-    "group history historyadr length0 lengthrange outadr trnid user",
+    "actuator": "acc0 actadr armature biasprm ctrladr ctrllimited ctrlrange ctrlspec delay dynprm forcelimited "
+    "forcerange gainprm group history historyadr length0 lengthrange outadr trnid user",
 }
 _PLAIN = """
 <mujoco>
@@ -37,7 +37,11 @@ _OFF = sum(
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
     for name in ("CONSTRAINT", "EQUALITY", "SPRING", "DAMPER", "CLAMPCTRL", "ACTUATION")
 )
+_SHORT = 0.01  # [s] in which a hard constraint is back
+_LIGHT = 0.1  # [-] of the inertia and the damping of a steering are of its kingpins, whose slopes are not 1 everywhere
 _SMALL_STEP = 0.1  # [-] of the greatest angle: a servo answers to it without its greatest force
+_RISEN = 1.0 - float(np.exp(-1.0))  # [-] of a step, after the time constant
+_ENDS = 0.97  # [-] of the angle that a small step promises: less is the end of a steering
 _WATCHED = 1.0  # [s] after each command
 _HELD = 1e6  # [kg, kg m^2] of a chassis that does not move
 
@@ -74,7 +78,8 @@ def is_ours(model: mujoco.MjModel, servo: int, joints: Sequence[int]) -> bool:
     servo_is_ours = is_plain_servo(model, servo, 0) and model.actuator_trnid[servo, 0] == joints[0]
     return bool(
         len(equalities) == 2
-        and all(_is_hard(model, model.eq_solref[equality]) for equality in equalities)
+        and all(_is_hard(model.eq_solref[equality]) for equality in equalities)
+        and _kingpins_are_light(model, dofs, equalities)
         and servo_is_ours
         and model.actuator_forcelimited[servo]
         and model.actuator_biasprm[servo, 2] == 0.0
@@ -98,10 +103,15 @@ def ackermann(model: mujoco.MjModel, joints: Sequence[int]) -> list[int]:
     ]
 
 
-def _is_hard(model: mujoco.MjModel, solref: FloatArray) -> bool:
-    """Return whether a constraint gives way for no longer than two physics steps."""
-    steps = 2.0 * float(model.opt.timestep)
-    return bool(solref[0] <= steps if solref[0] > 0.0 else -solref[0] * steps**2 >= 1.0)
+def _is_hard(solref: FloatArray) -> bool:
+    """Return whether a constraint gives way for no longer than _SHORT."""
+    return bool(solref[0] <= _SHORT if solref[0] > 0.0 else -solref[0] * _SHORT**2 >= 1.0)
+
+
+def _kingpins_are_light(model: mujoco.MjModel, dofs: FloatArray, equalities: Sequence[int]) -> bool:
+    """Return whether the kingpins turn one to one in the middle, and add little to what the servo turns."""
+    light = [values[dofs[1:]].sum() <= _LIGHT * values[dofs].sum() for values in (model.dof_damping, model.dof_M0)]
+    return bool(all(light) and (np.abs(model.eq_data[list(equalities), 1] - 1.0) <= _LIGHT).all())
 
 
 def _ends_hard(model: mujoco.MjModel, servo: int, steering: int) -> bool:
@@ -111,7 +121,7 @@ def _ends_hard(model: mujoco.MjModel, servo: int, steering: int) -> bool:
     (low, high), (least, most) = model.jnt_range[steering], model.actuator_ctrlrange[servo]
     margin = model.jnt_margin[steering]
     reached = not model.actuator_ctrllimited[servo] or least < low + margin or most > high - margin
-    return bool(not reached or (margin == 0.0 and _is_hard(model, model.jnt_solref[steering])))
+    return bool(not reached or (margin == 0.0 and _is_hard(model.jnt_solref[steering])))
 
 
 def _is_tied(model: mujoco.MjModel, joints: Sequence[int], equalities: Sequence[int]) -> bool:
@@ -139,10 +149,10 @@ def _is_tied(model: mujoco.MjModel, joints: Sequence[int], equalities: Sequence[
     )
 
 
-def response(model: mujoco.MjModel, servo: int, joints: Sequence[int]) -> tuple[float, float]:
-    """Return the greatest rate of a steering [rad/s], and the time constant of its servo below that [s], for planners.
+def response(model: mujoco.MjModel, servo: int, joints: Sequence[int]) -> tuple[float, float, float]:
+    """Return how a steering answers: greatest angle [rad] and rate [rad/s], and time constant below that rate [s].
 
-    Those of a steering of ours follow from its damping; others are driven by MuJoCo, from lock to lock and by a small
+    Those of a steering of ours follow from its numbers; others are driven by MuJoCo, from lock to lock and by a small
     step. Arguments are those of `is_ours`.
 
     Raises:
@@ -151,15 +161,17 @@ def response(model: mujoco.MjModel, servo: int, joints: Sequence[int]) -> tuple[
     stiffness = -float(model.actuator_biasprm[servo, 1])
     if not 0.0 < stiffness < np.inf:
         raise ModelError(f"stiffness of the steering is {stiffness:g}; accepted: a number above 0")
+    lock = float(np.abs(model.actuator_ctrlrange[servo]).min())
+    if not is_ours(model, servo, joints):
+        return _driven(model, servo, joints[0], lock)
     damping = float(model.dof_damping[model.jnt_dofadr[list(joints)]].sum())  # they turn one to one in the middle
-    if is_ours(model, servo, joints):
-        if not damping > 0.0:
-            raise ModelError(f"damping of the steering is {damping:g}; accepted: a number above 0")
-        return float(np.abs(model.actuator_forcerange[servo]).min()) / damping, damping / stiffness
-    return _driven(model, servo, joints[0])
+    if not damping > 0.0:
+        raise ModelError(f"damping of the steering is {damping:g}; accepted: a number above 0")
+    end = float(np.abs(model.jnt_range[joints[0]]).min()) if model.jnt_limited[joints[0]] else np.inf
+    return min(lock, end), float(np.abs(model.actuator_forcerange[servo]).min()) / damping, damping / stiffness
 
 
-def _driven(model: mujoco.MjModel, servo: int, steering: int) -> tuple[float, float]:
+def _driven(model: mujoco.MjModel, servo: int, steering: int, lock: float) -> tuple[float, float, float]:
     """Return what `response` does of a steering that MuJoCo drives, its chassis held in the air."""
     alone: Any = copy(model)
     flags = mujoco.mjtDisableBit
@@ -176,16 +188,20 @@ def _driven(model: mujoco.MjModel, servo: int, steering: int) -> tuple[float, fl
             seen.append(data.qpos[place])
         return np.array(seen)
 
-    lock, data = float(np.abs(alone.actuator_ctrlrange[servo]).min()), mujoco.MjData(alone)
-    angles(data, -lock)
-    rate = float(np.abs(np.diff(angles(data, lock))).max()) / timestep
-    turned = angles(mujoco.MjData(alone), _SMALL_STEP * lock)
-    turned = (turned - turned[0]) / (turned[-1] - turned[0] or np.nan)
-    after = int(np.argmax(turned >= 1.0 - np.exp(-1.0)))
-    share = (1.0 - np.exp(-1.0) - turned[after - 1]) / (turned[after] - turned[after - 1] or np.nan)
-    time_constant = (after - 1 + share) * timestep - float(alone.actuator_delay[servo])
+    data = mujoco.MjData(alone)
+    right, left = angles(data, -lock), angles(data, lock)
+    rate, reached = float(np.abs(np.diff(left)).max()) / timestep, 0.5 * float(left[-1] - right[-1])
+    data = mujoco.MjData(alone)
+    angles(data, 0.0)
+    turned = angles(data, _SMALL_STEP * lock)
+    gain = float(turned[-1] - turned[0]) / (_SMALL_STEP * lock or np.nan)
+    share = (turned - turned[0]) / (turned[-1] - turned[0] or np.nan)
+    after = int(np.argmax(share >= _RISEN))
+    within = (_RISEN - share[after - 1]) / (share[after] - share[after - 1] or np.nan)
+    time_constant = (after - 1 + within) * timestep - float(alone.actuator_delay[servo])
     if not (after > 0 and 0.0 < time_constant < np.inf and 0.0 < rate < np.inf):
         raise ModelError(
             f"the steering does not turn as it is commanded within {_WATCHED:g} s; accepted: a position servo that does"
         )
-    return float(f"{rate:.6g}"), float(f"{time_constant:.6g}")  # the same alone and among other bodies
+    greatest = lock if reached >= _ENDS * gain * lock else reached / gain  # six digits: the same among other bodies
+    return float(f"{greatest:.6g}"), float(f"{rate:.6g}"), float(f"{time_constant:.6g}")

@@ -207,6 +207,8 @@ def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, aft
          "the rear tires have friction 0.6 and 1.0489; accepted: one of both"),
         ([('<geom name="rear_left_tire" class="tire"', '<geom name="rear_left_tire" pos="0 0.02 0" class="tire"')],
          "geom 'rear_left_tire' is 0.02 m from its body's origin"),
+        ([('<joint name="ackermann_left"', '<joint active="false" name="ackermann_left"')], "kingpins is not active"),
+        ([('axis="0 0 1" damping="0.023"', 'axis="0 0 -1" damping="0.023"')], "rad/s when it is steered to the left;"),
         ([('axis="0 1 0"', 'axis="0 -1 0"')], "m/s after 1 s at a command of 1 m/s; accepted: a drive that moves it"),
     ],
 )  # fmt: skip

@@ -43,6 +43,8 @@ SAID = {
     "an end with a margin": ([joint('range="-0.42 0.42" margin="0.1"')], PLAIN_RATE),
     "another zero": ([joint('ref="0.1"')], PLAIN_RATE),
     "soft kingpins": ([('solref="-30000 -300"', 'solref="0.1 1"')], None),
+    "kingpins that are heavy": ([(KINGPIN, KINGPIN.replace("0.023", "0.3"))], None),
+    "kingpins that turn by half": ([("0 1.00098", "0 0.5")], None),
     "a filter": ([(SERVO, SERVO + ' timeconst="0.05"')], PLAIN_RATE),
 }
 
@@ -82,10 +84,46 @@ def test_a_steering_turns_as_mujocos_own_step_turns_it_and_planners_are_told_its
         assert parameters.max_steering_rate == pytest.approx(rate, rel=0.01)
 
 
+@each(
+    ("changes", "greatest"),
+    [
+        ([joint('range="-0.3 0.3"')], 0.3129),  # its end gives way
+        ([joint('range="-0.3 0.3" solreflimit="-30000 -300"')], 0.3),
+        ([('ctrlrange="-0.4189', 'ctrlrange="-0.2')], 0.2),
+        ([(SERVO, SERVO.replace("<position", '<general actlimited="true" actrange="-.2 .2" dyntype="filterexact" '
+           'dynprm=".04" gainprm="50" biastype="affine" biasprm="0 -50"').replace(' kp="50"', ""))], 0.2),
+        ([(SERVO, SERVO.replace("<position", '<general gainprm="50" biastype="affine" biasprm="2 -50"')
+           .replace(' kp="50"', ""))], 0.4189),  # an offset is none
+    ],
+)  # fmt: skip
+def test_planners_are_told_where_a_steering_ends(tmp_path, changes, greatest):
+    parameters = fg.Vehicle.load(car(tmp_path, changes)).parameters
+    assert parameters.max_steering_angle == pytest.approx(greatest, abs=0.002)
+
+
+@each(
+    ("before", "after", "share"),
+    [
+        ('<joint type="hinge" axis="0 1 0"', '<joint actuatorfrcrange="-.1 .1" type="hinge" axis="0 1 0"', 0.4 / 0.049),
+        ('<fixed name="drive"', '<fixed name="drive" actuatorfrcrange="-9 9"', 9.0),
+    ],
+)
+def test_a_limit_of_the_wheels_or_their_tendon_bounds_the_drive_and_planners_know(tmp_path, before, after, share):
+    simulation = fg.Simulation(fg.World(fg.OpenGround(seconds=5.0), car(tmp_path, [(before, after)])))
+    simulation.reset(speed=0.0)
+    for _ in range(20):
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=20.0))
+    told = simulation.world.parameters.max_acceleration
+    assert told == pytest.approx(share / 4.0232, rel=1e-3)
+    assert simulation.world.car.ground_speed(simulation.data) / 0.5 == pytest.approx(told, rel=0.02)
+
+
 def test_a_steering_that_is_driven_to_be_measured_has_the_numbers_of_the_closed_form():
     model = fg.Vehicle.load("f1tenth").compile()
-    rate, time_constant = _driven(model, 0, model.joint("steering").id)
-    assert rate == pytest.approx(PLAIN_RATE, rel=0.01) and time_constant == pytest.approx(0.02, rel=0.1)
+    lock, rate, time_constant = _driven(model, 0, model.joint("steering").id, 0.4189)
+    assert (
+        lock == 0.4189 and rate == pytest.approx(PLAIN_RATE, rel=0.01) and time_constant == pytest.approx(0.02, rel=0.1)
+    )
 
 
 def test_the_friction_of_each_axle_is_that_of_its_pairs(tmp_path):
