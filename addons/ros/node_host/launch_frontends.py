@@ -66,8 +66,10 @@ _SUBSTITUTIONS = {
     "find-pkg-share": "FindPackageShare", "find-pkg-prefix": "FindPackagePrefix", "path-join": "PathJoinSubstitution",
     "anon": "AnonName", "equals": "EqualsSubstitution", "not-equals": "NotEqualsSubstitution", "not": "NotSubstitution",
     "and": "AndSubstitution", "or": "OrSubstitution", "all": "AllSubstitution", "any": "AnySubstitution",
-    "if": "IfElseSubstitution",
+    "if": "IfElseSubstitution", "command": "Command", "find-exec": "FindExecutable", "param": "Parameter",
+    "exec-in-pkg": "ExecutableInPackage", "file-content": "FileContent",
 }  # fmt: skip
+"""Command and those behind it are refused where a node that is here depends on them."""
 _KINDS = {"str": str, "int": int, "float": float, "bool": bool}
 _NAME, _GAP = re.compile(r"[A-Za-z][\w-]*"), re.compile(" +")
 _LINE = "__line__"  # of a mapping in YAML
