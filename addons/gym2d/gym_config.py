@@ -18,13 +18,17 @@ from fg_mujoco.arguments import unknown_argument
 from fg_mujoco.errors import ArgumentError, SettingsError
 from fg_mujoco.messages import require_whole, shown
 
-from .gym_world import BEAMS, SCAN_NOISE
+from .gym_world import BEAMS, RANGE_MAX, SCAN_NOISE
 from .params import F1FIFTH, F1TENTH, FULL_SCALE, number
 from .simulator import DynamicModel, Integrator
 
 _EDGE = 0.75 * math.pi  # bearing of the LiDAR's last beam [rad]
 _MOUNT = (0.275, 0.0, 0.0)  # of the LiDAR [m, m, rad]
 
+SCAN_ERRORS = {"range_min": 0.0, "range_max": RANGE_MAX, "dropout_prob": 0.0, "range_bias_std": 0.0}
+"""Settings of the LiDAR that `gym_world.ScanErrors` has, and their defaults."""
+ACTUATION = {"steer_delay_steps": 0, "throttle_delay_steps": 0, "steer_noise_std": 0.0, "accl_noise_std": 0.0}
+"""Settings of the way of an action to its car, see `new_api.Actuation`, and their defaults."""
 RESETS = ("min_dist", "max_dist", "shuffle", "move_laterally", "reference_line", "start_width")
 """Settings of a reset besides its strategy."""
 _DYNAMIC = ("pose_x", "pose_y", "delta", "linear_vel_magnitude", "pose_theta", "ang_vel_z", "beta")
@@ -203,11 +207,9 @@ class LiDARConfig(Settings):
 
     defaults = {  # noqa: RUF012
         "num_beams": BEAMS, "angle_min": -_EDGE, "angle_max": _EDGE, "noise_std": SCAN_NOISE,
-        "base_link_to_lidar_tf": _MOUNT, "scan_device": "cpu",
+        "base_link_to_lidar_tf": _MOUNT, "scan_device": "cpu", **SCAN_ERRORS,
     }  # fmt: skip
-    fixed = {  # noqa: RUF012
-        "enabled": True, "range_min": 0.0, "range_max": 30.0, "dropout_prob": 0.0, "range_bias_std": 0.0,
-    }  # fmt: skip
+    fixed = {"enabled": True}  # noqa: RUF012
 
     def __init__(self, *, field_of_view: Any = None, **named: Any) -> None:
         if field_of_view is not None:
@@ -260,11 +262,9 @@ class ControlConfig(Settings):
 
     defaults = {  # noqa: RUF012
         "longitudinal_mode": LongitudinalActionType.SPEED, "steering_mode": SteerActionType.STEERING_ANGLE,
+        **ACTUATION,
     }  # fmt: skip
-    fixed = {  # noqa: RUF012
-        "steer_delay_steps": 0, "throttle_delay_steps": 0, "steer_noise_std": 0.0, "accl_noise_std": 0.0,
-        "steer_kp": None,
-    }  # fmt: skip
+    fixed = {"steer_kp": None}  # noqa: RUF012
 
 
 class SimulationConfig(Settings):
@@ -415,4 +415,5 @@ def plain_config(config: Any) -> dict[str, Any]:
         "reset_config": {"type": reset.strategy} | {name: getattr(reset, name) for name in RESETS},
         "num_beams": lidar.num_beams, "fov": lidar.field_of_view, "lidar_dist": lidar.ahead,
         "noise_std": lidar.noise_std, "enable_rendering": own.render_enabled,
+        **{name: getattr(lidar, name) for name in SCAN_ERRORS}, **{name: getattr(control, name) for name in ACTUATION},
     }  # fmt: skip

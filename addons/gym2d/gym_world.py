@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import mujoco
@@ -36,6 +36,7 @@ from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_rows import USERDATA, userdata_place
 from fg_mujoco.vehicle.tires import tires_of
 
+from .params import number
 from .speed_controller import SpeedController
 
 Motion = tuple[float, float, float, float, float, float]
@@ -46,10 +47,48 @@ FIELD_OF_VIEW = 4.7
 """[rad] From the first beam, the rightmost, to the last."""
 SCAN_NOISE = 0.01
 """[m] Standard deviation of each range."""
+RANGE_MAX = 30.0
+"""[m] Where nothing is."""
 LAPS = 2
 """After how many an episode is done."""
 
 _NEAR_LINE, _BESIDE_LINE = 0.1, 2.0  # [m^2, m] f1tenth_gym: a car this near to its start is at the start line
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanErrors:
+    """What makes a scan other than what is there, in the order of the gym: noise and bias, limits, dropouts.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
+
+    noise_std: float | None = None  # standard deviation of each range [m]; None: the gym's, SCAN_NOISE
+    range_bias_std: float = 0.0  # the same of a bias of each beam, which is drawn when the cars are placed [m]
+    dropout_prob: float = 0.0  # of each range to read range_max
+    range_min: float = 0.0  # [m] what is less or more reads this
+    range_max: float = RANGE_MAX  # [m]
+
+    def __post_init__(self) -> None:
+        bounds = {"dropout_prob": (0.0, 1.0), "range_max": (0.1, RANGE_MAX)}
+        for name, value in asdict(self).items():
+            if value is not None:
+                object.__setattr__(self, name, number(name, value, *bounds.get(name, (0.0, 10.0))))
+        number("range_min", self.range_min, 0.0, self.range_max)
+
+    def bias(self, rng: np.random.Generator, beams: int) -> FloatArray:
+        """Return the bias of each beam. Shape (beams,) [m]."""
+        return rng.normal(0.0, self.range_bias_std, beams) if self.range_bias_std > 0.0 else np.zeros(beams)
+
+    def apply(self, ranges: FloatArray, bias: FloatArray, reach: float, rng: np.random.Generator) -> FloatArray:
+        """Return what is read of true ranges (beams,) [m], which are `reach` where there is nothing."""
+        noisy, most = rng.standard_normal(len(ranges)), min(self.range_max, reach)
+        add_noise(ranges, SCAN_NOISE if self.noise_std is None else self.noise_std, reach, noisy)
+        if self.range_bias_std > 0.0 or self.range_min > 0.0 or most < reach:
+            noisy = np.clip(noisy + bias, self.range_min, most)
+        if self.dropout_prob > 0.0:
+            noisy[rng.random(len(ranges)) < self.dropout_prob] = most
+        return noisy
 
 
 class Driving:
@@ -66,7 +105,7 @@ class Driving:
       seed: of the scans' noise.
       beams: of each scan.
       field_of_view: of each scan [rad].
-      noise: standard deviation of each range [m]; None: the gym's.
+      errors: of the scans.
 
     Attributes:
       world: the World; its LiDARs have these beams.
@@ -86,7 +125,7 @@ class Driving:
         seed: int = 12345,
         beams: int = BEAMS,
         field_of_view: float = FIELD_OF_VIEW,
-        noise: float | None = None,
+        errors: ScanErrors = ScanErrors(),
     ) -> None:
         first = builds[0]
         self.world = GymWorld(
@@ -95,7 +134,7 @@ class Driving:
         )  # fmt: skip
         if physics is not None:
             self.world.model.opt.timestep = physics  # all digits, of which MJCF text has six
-        self._seed, self._beams, self._scan_noise = seed, beams, noise
+        self._seed, self._beams, self._errors = seed, beams, errors
         self._agents = range(len(builds))
         self._every = np.ones(len(builds), np.bool_)  # of the engine's rows
         self._data = mujoco.MjData(self.world.model)
@@ -148,6 +187,7 @@ class Driving:
             controller.reset()
         # the noise of a car is the same, however many others there are
         self._noise = [np.random.default_rng([self._seed, agent] if agent else self._seed) for agent in self._agents]
+        self._biases = [self._errors.bias(rng, self._beams) for rng in self._noise]
         self.laps = [LapCount(self.world.track, *pose) for pose in poses]
         self.motions = [self.motion(agent) for agent in self._agents]
 
@@ -214,10 +254,8 @@ class Driving:
 
     def scan(self, agent: int) -> FloatArray:
         """Return a car's ranges, noisy; `range_max` where nothing is, 0 where it is too near. Shape (beams,) [m]."""
-        noisy = self._noise[agent].standard_normal(self._beams)
-        deviation = SCAN_NOISE if self._scan_noise is None else self._scan_noise
-        add_noise(self.engine.ranges[agent], deviation, self.engine.beams.range_max, noisy)
-        return noisy
+        ranges, rng = self.engine.ranges[agent], self._noise[agent]
+        return self._errors.apply(ranges, self._biases[agent], self.engine.beams.range_max, rng)
 
     def motion(self, agent: int) -> Motion:
         """Return the motion of a car, read off the engine."""

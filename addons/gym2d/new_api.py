@@ -11,6 +11,7 @@ interface.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -29,7 +30,9 @@ from fg_mujoco.vehicle.vehicle import Vehicle
 
 from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_config import (
+    ACTUATION,
     RESETS,
+    SCAN_ERRORS,
     AgentTerminationMode,
     EnvConfig,
     ReferenceLine,
@@ -42,7 +45,7 @@ from .gym_functions import deep_update
 from .gym_observations import Observation
 from .gym_track import Raceline
 from .gym_world import BEAMS, FIELD_OF_VIEW
-from .params import F1TENTH, mapping, number
+from .params import F1TENTH, mapping, number, whole
 from .simulator import DynamicModel, Integrator, checked, say_of_model
 
 _LONGITUDINAL, _STEERING = ("speed", "accl"), ("steering_angle", "steering_speed")
@@ -108,6 +111,39 @@ class CarAction:
         return spaces.Box(low=low, high=high, shape=low.shape, dtype=np.float32)
 
 
+class Actuation:
+    """The way of actions to their cars: noise first, then a delay of whole steps, in which a car gets zeros at first.
+
+    Args:
+      settings: of gym_config.ACTUATION, by name.
+      agents: how many cars.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
+
+    def __init__(self, settings: Mapping[str, Any], agents: int) -> None:
+        self._agents = agents
+        self._delays = [whole(name, settings[name], 0, 1000) for name in ("steer_delay_steps", "throttle_delay_steps")]
+        self._stds = [number(name, settings[name], 0.0, 100.0) for name in ("steer_noise_std", "accl_noise_std")]
+        self._waiting: list[deque[FloatArray]] = []
+
+    def reset(self, generator: np.random.Generator) -> None:
+        """Begin an episode; the seed of the noise is drawn, where there is any."""
+        self._waiting = [deque([np.zeros(self._agents)] * delay) for delay in self._delays]
+        self._rng = np.random.default_rng(generator.integers(2**63) if any(self._stds) else 0)
+
+    def __call__(self, action: ArrayLike) -> ArrayLike:
+        """Return what reaches the cars in a step, of what they are sent. Shapes (agents, 2)."""
+        if not any((*self._delays, *self._stds)):
+            return action
+        taken = np.array(checked(action, self._agents, 2, "action", "steering, longitudinal"))
+        for column, (std, waiting) in enumerate(zip(self._stds, self._waiting, strict=True)):
+            waiting.append(taken[:, column] + (self._rng.normal(0.0, std, self._agents) if std > 0.0 else 0.0))
+            taken[:, column] = waiting.popleft()
+        return taken
+
+
 class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
     """Some cars on a map, two by default, by the interface of f1tenth_gym v1.0.
 
@@ -158,8 +194,8 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
             params=given.get("params"), num_agents=setting["num_agents"], seed=setting["seed"],
             integrator=Integrator.from_string(integrator) if isinstance(integrator, str) else integrator, model=model,
             time_step=setting["timestep"], ego_idx=setting["ego_idx"], lidar_dist=setting["lidar_dist"],
-            num_beams=setting["num_beams"], fov=setting["fov"], noise_std=setting["noise_std"], vehicle=vehicle,
-            tires=tires, setup=setup, maps=maps,
+            num_beams=setting["num_beams"], fov=setting["fov"], noise_std=setting["noise_std"],
+            errors={name: setting[name] for name in SCAN_ERRORS}, vehicle=vehicle, tires=tires, setup=setup, maps=maps,
         )  # fmt: skip
         extension = setting["map_ext"]
         if extension is None or (isinstance(extension, str) and not extension):
@@ -175,6 +211,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         self._steering, self._steps, self._along = np.zeros(self.num_agents), 0, np.zeros(self.num_agents)
         self.terminated_agents = np.zeros(self.num_agents, np.bool_)
         self._generator = np.random.default_rng(self.seed)
+        self._actuation = Actuation(setting, self.num_agents)
 
     @classmethod
     def default_config(cls) -> dict[str, Any]:
@@ -184,7 +221,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
             "num_agents": 2, "timestep": 0.01, "ego_idx": 0, "integrator": "rk4", "model": "st",
             "control_input": ["speed", "steering_angle"], "observation_config": {"type": None},
             "reset_config": {"type": None}, "num_beams": BEAMS, "fov": FIELD_OF_VIEW, "lidar_dist": None,
-            "noise_std": None, "max_laps": 2, "enable_rendering": True,
+            "noise_std": None, "max_laps": 2, "enable_rendering": True, **SCAN_ERRORS, **ACTUATION,
         }  # fmt: skip
 
     @property
@@ -257,6 +294,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         else:
             poses = said.get("poses")
             self._place(self._drawn_poses() if poses is None else poses)
+        self._actuation.reset(self._generator)
         self._steering, self._steps = states[:, 2].copy(), -1  # the step that the cars stand is not counted
         self._along, self.terminated_agents = np.zeros(self.num_agents), np.zeros(self.num_agents, np.bool_)
         kinds = [name in ("steering_angle", "speed") for name in self.action_type.type]
@@ -279,7 +317,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
           SettingsError: another shape, or a number that is not finite.
         """
         self.sim.write_back()  # before accelerations become speeds
-        self._advance(self._commands(action))
+        self._advance(self._commands(action if self._steps < 0 else self._actuation(action)))
         done, finished = self._check_done()
         info = {
             "checkpoint_done": finished, "lap_times": self.lap_times, "lap_counts": self.lap_counts,

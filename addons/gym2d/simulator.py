@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 from .gym_track import Track
-from .gym_world import BEAMS, FIELD_OF_VIEW, Driving, shifted
+from .gym_world import BEAMS, FIELD_OF_VIEW, Driving, ScanErrors, shifted
 from .maps import find_map
 from .params import all_params, car_of, mapping, number, physics_timestep, whole
 
@@ -109,6 +110,7 @@ class Simulator:
       num_beams: of a scan.
       fov: of a scan [rad].
       noise_std: standard deviation of each range [m]; None: the gym's.
+      errors: further settings of ScanErrors, by name.
       vehicle: that the parameters change.
       tires: that the cars stand on; None: the vehicle's.
       maps: folder of named maps.
@@ -139,6 +141,7 @@ class Simulator:
         num_beams: int = BEAMS,
         fov: float = FIELD_OF_VIEW,
         noise_std: float | None = None,
+        errors: Mapping[str, Any] | None = None,
         vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
         tires: Tires | str | Path | None = None,
         maps: str | Path | None = None,
@@ -156,7 +159,7 @@ class Simulator:
         self.time_step = number("timestep", time_step)
         self.integrator, self.model, self.action_type = integrator, model, action_type
         self.num_beams, self.fov, self.lidar_dist = num_beams, fov, lidar_dist
-        self._noise = None if noise_std is None else number("noise_std", noise_std, 0.0, 10.0)
+        self._errors = ScanErrors(noise_std=noise_std, **(errors or {}))
         self._vehicle, self._tires = Vehicle.load(vehicle), None if tires is None else Tires.load(tires)
         self._maps = maps
         self.params = all_params(params, self._vehicle)
@@ -352,7 +355,7 @@ class Simulator:
         assert self.course is not None
         self.driving = Driving(
             self.course, self._builds, timestep=self.time_step, physics=self._physics, seed=self.seed,
-            beams=self.num_beams, field_of_view=self.fov, noise=self._noise,
+            beams=self.num_beams, field_of_view=self.fov, errors=self._errors,
         )  # fmt: skip
 
 

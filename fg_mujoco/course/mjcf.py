@@ -102,7 +102,10 @@ _ATTRIBUTES = _words(
 )
 _FILES = _words("file fileright fileleft fileup filedown filefront fileback")
 _FOLDERS = _words("assetdir meshdir texturedir")
-REFUSED_ATTRIBUTES = _words("strippath content_type savecanonical savecompiled passthrough embed params")
+REFUSED_ATTRIBUTES = _words("""
+    strippath content_type savecanonical savecompiled passthrough embed params
+    springyield plastic speculative
+    """)  # the last three are of MuJoCo 4 only; plastic springs have a state that no run keeps
 """Attributes of accepted elements of MJCF that are not accepted, besides those of files and folders."""
 
 _RANGES: dict[str, tuple[float, float]] = {

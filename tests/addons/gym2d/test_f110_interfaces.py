@@ -232,6 +232,48 @@ def test_a_reset_of_the_later_releases_puts_cars_as_far_apart_as_asked_or_at_sta
         env.reset(options={"pose": states[:, :3]})
 
 
+def test_actions_of_the_later_releases_come_late_and_noisy_as_asked():
+    """As the gym's ring buffers have it: steering after two steps and speed after three, zeros before."""
+    from fg_mujoco.addons.gym2d.gym_config import ControlConfig
+
+    env = later(control_config=ControlConfig(steer_delay_steps=2, throttle_delay_steps=3))
+    for _ in range(2):  # nothing is left of the episode before
+        env.reset(seed=1)
+        sent = [np.array([[0.1 * k, 5.0 * k]]) for k in (1, 2, 3, 4)]
+        taken = [env.step(action) and env.driving.engine.commands[0].copy() for action in sent]
+        assert [row[0] for row in taken] == pytest.approx([0.0, 0.0, 0.1, 0.2])
+        assert [row[1] > 0.1 for row in taken] == [False, False, False, True]
+    noisy = later(control_config=ControlConfig(steer_noise_std=0.1, accl_noise_std=0.5))
+
+    def steered(seed):
+        noisy.reset(seed=seed)
+        return [noisy.step(np.zeros((1, 2))) and noisy.driving.engine.commands[0, 0] for _ in range(40)]
+
+    assert steered(1) == steered(1) != steered(2) and 0.05 < np.std(steered(1)) < 0.15
+    with pytest.raises(SettingsError, match="steer_delay_steps is -1; accepted"):
+        later(control_config=ControlConfig(steer_delay_steps=-1))
+
+
+def test_scans_of_the_later_releases_have_the_limits_dropouts_and_bias_that_are_asked_for():
+    """Beside the scan without errors at the same place: as the gym clips, then drops to range_max."""
+    from fg_mujoco.addons.gym2d.gym_config import LiDARConfig
+
+    def scans(**settings):
+        env = later(lidar_config=LiDARConfig(noise_std=0.0, **settings))
+        env.reset(options={"poses": np.zeros((1, 3))}, seed=1)
+        return np.array([env.step(np.zeros((1, 2))) and env.sim.agent_scans[0] for _ in range(3)])
+
+    true = scans()
+    np.testing.assert_allclose(scans(range_min=1.0, range_max=2.5), np.clip(true, 1.0, 2.5), atol=1e-6)
+    dropped = scans(range_max=6.0, dropout_prob=0.2) != np.minimum(true, 6.0)
+    assert 0.1 < dropped[true < 6.0].mean() < 0.3 and (dropped[0] != dropped[1]).any()
+    bias = scans(range_bias_std=0.05) - true
+    assert np.std(bias[0]) == pytest.approx(0.05, rel=0.1) and np.abs(bias - bias[0]).max() < 1e-5
+    for name, value in (("range_max", 31.0), ("dropout_prob", 1.5), ("range_min", -1.0)):
+        with pytest.raises(SettingsError, match=f"{name} is {value}"):
+            later(lidar_config=LiDARConfig(**{name: value}))
+
+
 @each("way", [1, -1])
 def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last(way):
     """Driven by hand: a lap in 10 s, then one in 5 s."""
