@@ -63,6 +63,8 @@ _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
 _INVISIBLE = (0.0, 0.0, 0.0, 0.0)  # rays skip it too
 
+_LEAST_MEMORY = 2**21  # bytes of contacts and constraints, as the bundled vehicles have it; a car in a wall uses 0.1 MB
+
 OBSTACLE_PREFIX = "obstacle_"
 """Of the names of the obstacles that stand, which are numbered."""
 LIDAR_PREFIX = lidar_prefix(0)
@@ -279,7 +281,8 @@ def _compose(
     require_alike(cars, vehicles)
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
-    spec.option, spec.memory = cars[0].option, cars[0].memory  # the engine settings that the car was validated with
+    spec.option = cars[0].option  # the engine settings that the car was validated with
+    spec.memory = max(cars[0].memory, _LEAST_MEMORY) if cars[0].memory >= 0 else cars[0].memory
     if len(cars) > 1:
         spec.memory = sum(car.memory for car in cars)
         # cars that do not touch are solved apart, so that each costs as much as if it were alone

@@ -181,6 +181,12 @@ def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
         _ = Car(model), TireSlipMeter(model), command_response(model)
     except FgMujocoError as error:
         yield str(error)
+    for wheel in WHEELS:
+        if model.joint(f"{wheel}_wheel").limited[0]:
+            yield f"joint '{wheel}_wheel' has a range; accepted: none, so that the wheel turns on"
+    if model.nmocap:
+        moved = model.body(int(np.flatnonzero(model.body_mocapid >= 0)[0])).name
+        yield f"body {moved!r} is a mocap body; accepted: none in a vehicle"
     if not all(model.eq_active0[equality] for equality in ackermann(model, steering_of(model)[1])):
         yield "an equality of the kingpins is not active; accepted: active, so that they follow the steering"
     yield from _standing_faults(model)

@@ -30,7 +30,7 @@ _MOST_STEPS = 64  # short ones in a physics step
 _MOST_COMMON = 16  # dofs that move more than one wheel, at most
 _FIRST_AXLE = "front"
 _NEVER = -1.0  # [m] margin of a pair that MuJoCo is to leave alone: a tire is never as deep
-_COUPLED = 0.1  # [-] of what a tendon may damp in a physics step, which takes its force of the step's beginning
+_COUPLED = 1.0  # [-] of what a tendon may damp in a physics step, which takes its force of the step's beginning
 _ON_CONTACTS = "or MuJoCo's own tires: a text 'tires' with data 'contact'"
 
 USERDATA = 8
@@ -220,7 +220,8 @@ def _damped_by(model: mujoco.MjModel, tendon: int) -> float:
         damping += model.actuator_damping[servo[tendon]] + model.actuator_dampingpoly[servo[tendon]].sum()
     wraps = range(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
     fixed = [wrap for wrap in wraps if model.wrap_type[wrap] == mujoco.mjtWrap.mjWRAP_JOINT]
-    inertia = model.dof_M0[model.jnt_dofadr[model.wrap_objid[fixed]]]
+    dofs = model.jnt_dofadr[model.wrap_objid[fixed]]
+    inertia = model.dof_M0[dofs] + float(model.opt.timestep) * model.dof_damping[dofs]
     return float(damping * (model.wrap_prm[fixed] ** 2 / inertia).sum())
 
 

@@ -85,6 +85,12 @@ def test_a_part_in_the_beams_of_the_lidar_is_refused(tmp_path, rise, alpha, is_m
         fg.Vehicle.load(path)
 
 
+def test_a_world_has_the_memory_that_it_needs_whatever_the_car_alone_does_with(tmp_path):
+    path = tmp_path / "mine.xml"
+    path.write_text(edited(('memory="2M"', 'memory="20K"')), encoding="utf-8")
+    assert fg.World("oval", str(path)).model.narena == fg.World("oval").model.narena
+
+
 @each(
     ("own", "material", "is_seen"),
     [("1 0 0 0", "1 1 1 1", False), ("1 0 0 1", "1 1 1 0", True), ("1 0 0 .3", "1 1 1 1", True), ("", "1 1 1 1", True),
@@ -207,6 +213,8 @@ def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, aft
          "the rear tires have friction 0.6 and 1.0489; accepted: one of both"),
         ([('<geom name="rear_left_tire" class="tire"', '<geom name="rear_left_tire" pos="0 0.02 0" class="tire"')],
          "geom 'rear_left_tire' is 0.02 m from its body's origin"),
+        ([('axis="0 1 0"', 'axis="0 1 0" range="-2 2"')], "joint 'front_left_wheel' has a range; accepted: none"),
+        ([("</worldbody>", '<body name="ghost" mocap="true"/></worldbody>')], "body 'ghost' is a mocap body"),
         ([('<joint name="ackermann_left"', '<joint active="false" name="ackermann_left"')], "kingpins is not active"),
         ([('axis="0 0 1" damping="0.023"', 'axis="0 0 -1" damping="0.023"')], "rad/s when it is steered to the left;"),
         ([('axis="0 1 0"', 'axis="0 -1 0"')], "m/s after 1 s at a command of 1 m/s; accepted: a drive that moves it"),
