@@ -44,7 +44,7 @@ from .bag_messages import (
     type_store,
 )
 from .bag_scans import mount_of, to_scan
-from .bag_signs import ENOUGH, SignFinder, Signs, turn_round
+from .bag_signs import SignFinder, Signs, turn_round
 from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
 from .composed_topics import composed_topics
 
@@ -273,16 +273,13 @@ class Recording:
                     finder.hear_command(time, heard.message)
                 else:
                     finder.hear_scan(time, to_scan(heard.message, mount_of(frames, heard.message.header.frame_id)))
-                if finder.votes >= ENOUGH:
+                if finder.knows:
                     break
-        found, by = finder.signs()
-        if found == _RIGHT:
-            if by:
-                self.warn(f"{topic[1]}: {by}; it is read as it is")
-            return found
+        found, told = finder.signs(turns=topic[0] == ODOMETRY)
+        if told:
+            self.warn(f"{topic[1]}: {told}")
         if found.in_pose and self.mounting_frames(static=False).find(frame, MAP_FRAME) is not None:
             found = replace(found, in_pose=False)  # a localisation's correction is of the poses as they are
-        self.warn(f"{topic[1]} is negative where the car drives forward, {by}; its sign is turned round")
         return found
 
     def _as_recorded(self, wanted: Collection[Topic], most: int | None) -> Iterator[Heard]:

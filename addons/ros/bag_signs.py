@@ -1,9 +1,9 @@
-"""Finds whether a car's odometry is negative where the car drives forward, and turns it round.
+"""Finds whether a car's odometry is negative where the car drives forward, or never turns, and mends it.
 
 On a stock F1TENTH car one of two topics is: the driver of f1tenth/vesc, branch main, sends -1 times the motor's turns
 on /sensors/core (vesc_driver/src/vesc_packet.cpp), and its odometry turns the sign back (vesc_to_odom.cpp: `-speed`).
-Branch ros2 has the second alone, so that /odom is negative. Two witnesses say how the car moved: the drive commands,
-and the scans, by the range flow of still surroundings
+Branch ros2 has the second alone, so that /odom is negative, and by f1tenth_system's vesc.yaml its yaw rate is always 0.
+Two witnesses say how the car moved: the drive commands, and the scans, by the range flow of still surroundings
 
     dr/dt = -v (cos b + r' sin b / r) + w r'      r' = dr/db, b the bearing
 
@@ -14,7 +14,7 @@ Direct motion estimation from a range scan sequence, Journal of Robotic Systems 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,12 +24,10 @@ from fg_mujoco.messages import FloatArray, LaserScan
 from .bag_messages import ODOMETRY, heading_of
 from .composed_topics import SPEED_TO_ERPM
 
-ENOUGH = 400
-"""Votes after which no further messages are heard."""
-
 _MOVING, _TURNING = 0.5, 0.3  # [m/s], [rad/s] of a car whose direction counts
 _LATEST = 0.3  # [s] that a command or a scan may be old
 _FEWEST, _CLEAR = 20, 0.8  # votes, and the share of one side, that decide
+_ENOUGH, _MOST = 400, 4000  # votes after which no more are asked for: with turns, and without
 _CERTAIN = 3.0  # standard errors of a rate that votes
 _REACH = 0.02  # [rad] to each side, over which the slope of a scan is taken
 _STEEP = 4.0  # slope over range [1/rad], from which on beams pass an edge
@@ -41,7 +39,7 @@ class Signs:
     """What a topic's numbers are to be multiplied by, 1 or -1."""
 
     speed: int = 1
-    yaw_rate: int = 1
+    yaw_rate: float = 1.0  # NaN: it says none
     in_pose: bool = False  # whether its poses have the same signs
 
 
@@ -70,16 +68,17 @@ class SignFinder:
     def __init__(self) -> None:
         self._by_scans, self._by_commands = _Votes(), _Votes()
         self._turn_by_scans, self._turn_by_steering = _Votes(), _Votes()
-        self._in_pose, self._forward = _Votes(), _Votes()
+        self._in_pose, self._forward, self._turns = _Votes(), _Votes(), _Votes()
         self._rates: tuple[float, float, float] | None = None  # time [s], speed, yaw rate
         self._command: tuple[float, float, float] | None = None  # time [s], speed, steering angle
         self._scan: tuple[float, LaserScan] | None = None
         self._pose: FloatArray | None = None
 
     @property
-    def votes(self) -> int:
-        """How many there are for or against the speed."""
-        return self._by_scans.count + self._by_commands.count
+    def knows(self) -> bool:
+        """Whether no further messages are needed."""
+        votes = self._by_scans.count + self._by_commands.count
+        return votes >= (_ENOUGH if self._turns.said else _MOST)
 
     def hear_odometry(self, time: float, message: Any) -> None:
         """Take a message of the topic, at a time [s]."""
@@ -118,21 +117,31 @@ class SignFinder:
         (v, w), (v_error, w_error) = found
         if abs(v) > max(_CERTAIN * v_error, 0.5 * _MOVING):
             self._by_scans.add(v * self._rates[1])
+        if abs(w) > max(_CERTAIN * w_error, _TURNING):
+            self._turns.add(1.0 if self._rates[2] else -1.0)
         if abs(w) > max(_CERTAIN * w_error, 0.5 * _TURNING) and abs(self._rates[2]) > _TURNING:
             self._turn_by_scans.add(w * self._rates[2])
 
-    def signs(self) -> tuple[Signs, str]:
-        """Return the signs, and by what they were found; or who contradicts whom, where the witnesses do."""
+    def signs(self, *, turns: bool) -> tuple[Signs, str]:
+        """Return the signs, and what is to be said of them, if anything.
+
+        Args:
+          turns: whether the topic has a yaw rate at all.
+        """
         scans, commands = self._by_scans.said, self._by_commands.said
+        never = turns and self._turns.said < 0
+        told = ["its yaw rate is always 0, also where the scans turn, and is not read"] if never else []
+        found = Signs()
         if scans < 0 < commands or commands < 0 < scans:
             ours, theirs = ("scans", "commands") if scans < 0 else ("commands", "scans")
-            return Signs(), f"the {ours} say that it is negative where the car drives forward, and the {theirs} do not"
+            told.append(f"the {ours} say that it is negative forward, the {theirs} do not; its sign stays")
         # of a LiDAR that looks backwards the scans say so, too: without commands, the car must have driven backwards
-        if commands >= 0 and not (scans < 0 and (commands or self._forward.said < 0)):
-            return Signs(), ""
-        by = [name for name, said in (("commands", commands), ("scans", scans)) if said < 0]
-        turns = self._turn_by_scans.said or self._turn_by_steering.said or -1
-        return Signs(speed=-1, yaw_rate=turns, in_pose=self._in_pose.said > 0), f"by the {' and the '.join(by)}"
+        elif commands < 0 or (scans < 0 and (commands or self._forward.said < 0)):
+            by = " and the ".join(name for name, said in (("commands", commands), ("scans", scans)) if said < 0)
+            told.append(f"it is negative where the car drives forward, by the {by}; its sign is turned round")
+            turn = float(self._turn_by_scans.said or self._turn_by_steering.said or -1)
+            found = Signs(speed=-1, yaw_rate=turn, in_pose=self._in_pose.said > 0)
+        return (replace(found, yaw_rate=math.nan) if never else found), "; ".join(told)
 
 
 def range_flow(before: LaserScan, scan: LaserScan, seconds: float) -> tuple[FloatArray, FloatArray] | None:
@@ -172,9 +181,10 @@ def turn_round(message: Any, signs: Signs) -> Any:
     twist.linear.x *= signs.speed
     twist.angular.z *= signs.yaw_rate
     if signs.in_pose:  # the sum of such steps, from where it began
+        turn = 1.0 if math.isnan(signs.yaw_rate) else signs.yaw_rate
         pose.position.x *= signs.speed
-        pose.position.y *= signs.speed * signs.yaw_rate
-        pose.orientation.z *= signs.yaw_rate
+        pose.position.y *= signs.speed * turn
+        pose.orientation.z *= turn
     return message
 
 

@@ -16,6 +16,7 @@ from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
 from fg_mujoco.addons.ros.composed_topics import SPEED_TO_ERPM
 from fg_mujoco.cli.main import main
+from fg_mujoco.errors import BagError
 from fg_mujoco.messages import DriveCommand
 
 STEP, RADIUS, SPEED = SECOND // 20, 1.8, 1.5
@@ -82,8 +83,7 @@ def odometry(bag, topic=(ODOMETRY, "/odom")):
     ({"speed": -1}, "by the commands", {"scans": False}),
     ({}, "", {}), ({}, "", {"direction": -1}), ({}, "", {"commands": False}), ({}, "", {"scans": False}),
     ({}, "", {"commands": False, "lidar": math.pi}),  # a LiDAR that looks backwards, which nobody says
-    ({}, "the scans say that it is negative where the car drives forward, and the commands do not",
-     {"lidar": math.pi}),
+    ({}, "the scans say that it is negative forward, the commands do not; its sign stays", {"lidar": math.pi}),
 ])  # fmt: skip
 def test_odometry_that_is_negative_forward_is_turned_round_by_what_commands_or_scans_say(
     signs, told, options, tmp_path
@@ -98,6 +98,17 @@ def test_odometry_that_is_negative_forward_is_turned_round_by_what_commands_or_s
     assert bool(told) == bool(said) and all(told in each and each.count("/odom") == 1 for each in said), said
 
 
+@each("signs", [{"yaw_rate": 0}, {"yaw_rate": 0, "speed": -1}])  # as f1tenth_system's vesc.yaml has it
+def test_a_yaw_rate_that_is_0_where_the_car_turns_is_not_read(signs, tmp_path):
+    bag = circle(tmp_path, signs)
+    found, said = odometry(bag)
+    assert len(said) == 1 and "/odom: its yaw rate is always 0, also where the scans turn, and is not read" in said[0]
+    speeds, yaw_rates = np.array(found)[:, 3:].T
+    assert np.allclose(speeds, SPEED) and np.isnan(yaw_rates).all()
+    with pytest.warns(UserWarning, match="its yaw rate"), pytest.raises(BagError, match="has no yaw rate"):
+        read_drives(bag)
+
+
 def test_poses_that_a_localisation_corrects_stay_as_they_are(tmp_path):
     found, said = odometry(circle(tmp_path, STOCK, localised=True))
     (tmp_path / "right").mkdir()
@@ -108,16 +119,16 @@ def test_poses_that_a_localisation_corrects_stay_as_they_are(tmp_path):
 
 def test_every_command_that_reads_bags_turns_the_sign_round_and_says_so(tmp_path, capsys):
     bag = circle(tmp_path, {}, core=-1, ticks=160)  # f1tenth/vesc, branch main, without odometry
-    told = "is negative where the car drives forward"
-    with pytest.warns(UserWarning, match=f"/sensors/core {told}"), ScanBag(bag, CAR) as scans:
+    told = "it is negative where the car drives forward"
+    with pytest.warns(UserWarning, match=f"/sensors/core: {told}"), ScanBag(bag, CAR) as scans:
         assert [each.odometry.speed for each in scans] == pytest.approx([SPEED] * 160)
         assert scans.topics[MOTOR] == "/sensors/core" and scans.topics[DRIVE] == "/drive"
     (tmp_path / "odom").mkdir()
     bag = circle(tmp_path / "odom", STOCK, ticks=160)
-    with pytest.warns(UserWarning, match=f"/odom {told}"):
+    with pytest.warns(UserWarning, match=f"/odom: {told}"):
         (drive,) = read_drives(bag)
     assert np.allclose(drive.speed.values, SPEED) and np.allclose(drive.yaw_rate.values, SPEED / RADIUS)
     written = ("--map", f"{tmp_path}/m.yaml"), ("--out", f"{tmp_path}/c.csv")
     for command, *options in (("bag",), ("bag", *written[0]), ("replay-scans", *written[1])):
         assert main([command, str(bag), *options]) == 0
-        assert capsys.readouterr().err.count(f"/odom {told}") == 1
+        assert capsys.readouterr().err.count(f"/odom: {told}") == 1
