@@ -75,7 +75,7 @@ FAULTS = {
         tests="test_lap_map.py",
     ),
     "a line that braking follows as if the car drove straight ahead": Fault(
-        file="controllers/safety/lap_raceline.py",
+        file="controllers/safety/line_following.py",
         old="used = square * demand / grip",
         new="used = 0.0 * demand / grip",
         tests="test_lap_map.py",

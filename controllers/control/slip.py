@@ -21,7 +21,8 @@ and its rear axle moves outwards of its heading by the rear slip angle (T. Gille
 
 A planner knows of an axle what can be identified on a real car: cornering stiffness, peak, and the peak's slip angle.
 Through these leads one Magic Formula D sin(C atan(B s)), which read backwards is s = tan(asin(u) / C) / B at the share
-u of the peak. Tires without such parameters need no slip angles, and all this is left out, to the bit.
+u of the peak, or a straight line up to the peak, as bristles have it. Tires without such parameters need no slip
+angles, and all this is left out, to the bit.
 """
 
 from __future__ import annotations
@@ -109,8 +110,8 @@ def slip_row(car: CarParameters, lateral: float) -> NDArray[np.void]:
 
 
 def _formula(stiffness: float, peak: float, peak_slip: float) -> tuple[float, float, float]:
-    """Return B, C and D of an axle."""
-    if not math.isfinite(peak_slip):
+    """Return B, C and D of an axle; C is 0 of one whose force grows in proportion, up to a peak or without one."""
+    if not math.isfinite(peak_slip) or stiffness * peak_slip < 1.001 * peak:
         return stiffness, 0.0, peak
     ratio = stiffness * peak_slip / peak  # C tan(pi / (2 C)), which falls as C grows
     low, high = 1.0, _SHARPEST

@@ -8,13 +8,12 @@
    room so that the sum of the squared second differences is least. This quadratic program is solved by successive
    over-relaxation with projection. The first rounds have few points, so that the whole line moves. In the last rounds
    the points are moved so that the lap takes less time (least_time).
-2. Joining. NEAR the line the car is led towards a point of it further on, with all the protections of the planner.
-3. Following. ON the line the car steers along it, as in control.tracking. Its place on the line and the curvature there
-   are read between the points: steps of the steering angle would take from braking. Its speed is the greatest from
-   which the tires hold the car through what comes: cornering, turning the wheels, and braking before with what
-   cornering leaves. The limiter turns the wheels faster there, and braking takes nothing of the cornering. Known
-   ground counts as free although it is not in sight, so neither the speed law of sight nor the safety filter applies.
-4. Something new. Where a beam ends on the line, the car brakes to stop before it. Near to it, the planner drives again.
+2. Trial. On tires that need slip angles, the line is followed only if the car's own simulated lap holds (lap_trial).
+3. Joining. NEAR the line the car is led towards a point of it further on, with all the protections of the planner.
+4. Following. ON the line the car steers along it (line_following). The limiter turns the wheels faster there, and
+   braking takes nothing of the cornering. Known ground counts as free although it is not in sight, so neither the speed
+   law of sight nor the safety filter applies.
+5. Something new. Where a beam ends on the line, the car brakes to stop before it. Near to it, the planner drives again.
 
 Sources: F. Braghin et al., Race driver model, Computers & Structures 86, 2008, for the line of least curvature;
 A. Heilmeier et al., Minimum curvature trajectory planning and control for an autonomous race car, Vehicle System
@@ -41,18 +40,28 @@ from ..control.decision import extend_path
 from ..control.planner_settings import Record
 from ..control.reasons import REMEMBERED_LINE, log_step
 from ..control.stages import Stage
-from ..control.steering import arc_through, late_by, saturate
-from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, next_point
+from ..control.steering import arc_through, saturate
+from ..control.tracking import CURVATURE, HEADING, X, Y, next_point
 from ..perception.lap_map import FAR, LAP_MAP, PLACES, beam_directions, see_lap, tell_sides
-from ..perception.scan_geometry import nearest_beam, sees
-from .friction_limiter import LIMITER, longitudinal_share
+from ..perception.scan_geometry import nearest_beam, period_of, sees
+from .friction_limiter import LIMITER
+from .lap_trial import HOLDS, TRIAL, TRYING, try_lap
 from .least_time import average, quicken
+from .line_following import (
+    DEMAND,
+    LEAVES,
+    OFF,
+    RADIUS,
+    ahead_on,
+    curvature_at,
+    position_on,
+    reference_on,
+    speed_on,
+    uses_on,
+)
 
 if TYPE_CHECKING:
     from ..control.planner import Planner
-
-RADIUS = 4  # column of the line after those of control.tracking: the greatest speed squared over `lateral` [m]
-DEMAND = 5  # column: the acceleration that the tires hold while the car brakes, over the speed squared [1/m]
 
 _APART = (4, 4, 4, 2, 2, 1, 1, 1, 1, 1, 1)  # spacing of the points in each round, in places
 _MOVES = (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.4, 0.3, 0.2, 0.2)  # [m] at most to each side in each round
@@ -67,26 +76,17 @@ _THROUGH = 0.6  # [m] by which the line may lead through a wall, before its poin
 _PLACES_A_TICK = 12  # whose beams are told to be to the left or right in a tick
 _POINTS_A_TICK = 48  # whose room is read in a tick
 _MOVES_A_TICK = 30_000  # of points
-_POINTS = 64  # that the car looks ahead
-# shares of the limiter's cornering acceleration and of its braking; of tires that need slip angles, and so answer late
-_USES, _USES_WHEN_LATE = (0.93, 0.85), (0.9, 0.7)
 _NEAR_LOCK = 0.8  # share of the curvature at full lock from which on the car is slower, as it hardly can correct
 _SLOWER = 0.5  # share by which the squared speed is less at full lock
 _CUSP = 1.6  # spacings from the point before to the one after, below which the line turns back at a point
 _TOO_SHARP = 1.08  # share of the curvature at full lock: a line that is sharper somewhere is not followed
 _TURNS_FASTER = 1.35  # times the share of the grip for turning the wheels, on the line
 _TURNING_USE = 0.58  # share of the limiter's steering rate; in the mean of a tick the servo turns with .59 of it
-_CORRECTION_USE = 0.9  # share of the limiter's cornering acceleration for coming back to the line
-_LOOKAHEAD = 0.1  # [s] for which the speed is read ahead
 _NEAR = (1.5, 0.7)  # [m] to the side of the line and [rad] from it, within which the car is led to it
 # within which the car begins to follow the line: [m] to its side, [rad] from it, share of the cornering acceleration
 # from its curvature, and [m/s] above its speed
-_JOINS = (0.1, 0.2, 0.3, 0.0)
-_LENGTH, _LENGTH_TIME = 0.35, 0.15  # [m] and [s]: over which the distance from the line falls
+_JOINS = (OFF, 0.2, 0.3, 0.0)
 _REACH, _REACH_TIME = 0.8, 0.3  # [m] and [s] to the point of the line to which the car is led
-_ON_IT = 0.06  # [m] to the side of the line from which on the car is slower,
-_SLOWER_OFF = 1.5  # [1/m] by this share for each metre
-_LEAVES = 0.6  # [m] to the side of the line, beyond which the car no longer follows it
 _CLEAR = 0.05  # [m] to each side of the car, within which the end of a beam on the line is something new
 _BEAMS_A_POINT = 24  # that are looked at for each point, at most
 _STOPS_BEFORE = 1.0  # [m] between the rear axle and something new at which the car stands
@@ -113,6 +113,7 @@ LINE = np.dtype(
         ("weight", np.float64),  # of the change of curvature, see least_time
         ("aside", np.float64, (PLACES, 3)),  # [m] to the left: how far each is moved, at least and at most
         ("limiter", LIMITER),  # of a car on the line
+        ("trial", TRIAL),  # of a lap on it, on soft tires
         ("points", np.float64, (PLACES, 6)),  # x, y [m], heading [rad], curvature [1/m], RADIUS and DEMAND
     ]
 )
@@ -161,7 +162,7 @@ def shape_line(line: Record, lap: Record, geometry: Record, beams: int, limiter:
             _end_round(line)
     else:
         places, normals, aside = line.base[: line.count], line.normal[: line.count], line.aside[: line.count]
-        lateral_use, braking_use = _uses(limiter)
+        lateral_use, braking_use = uses_on(limiter)
         line.weight = quicken(places, normals, aside, line.weight, line.limiter, lateral_use, braking_use, max_speed)
         line.done += 1
         if line.done == _TIMES:
@@ -290,7 +291,7 @@ def _finish(line: Record, limiter: Record) -> None:
         if math.hypot(dx, dy) < _CUSP * line.spacing:
             line.until = math.inf  # the line goes to and fro, where the car turned in moves: the planner drives
     average(points[:count, CURVATURE])
-    lateral_use, _ = _uses(limiter)
+    lateral_use, _ = uses_on(limiter)
     share, lag, car = _TURNING_USE * limiter.settings.turn_in_use, limiter.yaw_lag, limiter.car
     tightest = math.tan(car.max_steering_angle) / car.wheelbase
     rear_lag = car.yaw_inertia / (car.mass * car.front_axle_distance)
@@ -314,6 +315,7 @@ def _finish(line: Record, limiter: Record) -> None:
 def forget_line(line: Record) -> None:
     """Begin to shape anew."""
     line.round, line.shape, line.done, line.ready, line.follows, line.until = 0, 0, 0, False, False, 0.0
+    line.trial.begun, line.trial.state = False, TRYING
 
 
 @kernel
@@ -347,7 +349,7 @@ def follow_line(
         return AWAY
     if not line.follows:
         line.next = _nearest(line.points[: line.count], lap.x, lap.y)
-    window, spacing = ahead_on(line), line.spacing
+    window, spacing = ahead_on(line.points[: line.count], line.next), line.spacing
     point = next_point(window, 1, lap.x, lap.y, lap.heading)
     line.next = (line.next + point - 1) % line.count
     along, aside, turned = position_on(window, point, spacing, lap.x, lap.y, lap.heading)
@@ -358,42 +360,27 @@ def follow_line(
     if free < 2.0 * _STOPS_BEFORE:
         line.follows, line.until = False, lap.driven + _PLANNER_DRIVES
         return AWAY
-    speed = speed_on(window, along, spacing, limiter, now)
-    length = _LENGTH + _LENGTH_TIME * max(now, 0.0)
-    bend = curvature_at(window, along)
-    ahead = curvature_at(window, along + (LAG + late_by(car)) * max(now, 0.0) / spacing)
-    steering = math.atan(car.wheelbase * (ahead - aside / (length * length) - 2.0 * math.sin(turned) / length))
-    wanted = abs(math.tan(steering)) / car.wheelbase
-    held = limiter.lateral / max(now * now, 0.5)
     if not line.follows:
-        off = abs(math.tan(odometry.steering_angle) / car.wheelbase - bend)
+        held = limiter.lateral / max(now * now, 0.5)
+        off = abs(math.tan(odometry.steering_angle) / car.wheelbase - curvature_at(window, along))
         near = abs(aside) < _JOINS[0] and abs(turned) < _JOINS[1] and off < _JOINS[2] * held
-        line.follows = near and now < speed + _JOINS[3]
-    elif abs(aside) > _LEAVES:
+        line.follows = near and now < speed_on(window, along, spacing, limiter, now) + _JOINS[3]
+    elif abs(aside) > LEAVES:
         line.follows = False
+    steering, speed, most = reference_on(window, along, aside, turned, spacing, limiter, now, line.follows)
     if not line.follows:  # towards a point further on: to lead the car there needs no sharp turns
-        target = window[min(point + int((_REACH + _REACH_TIME * max(now, 0.0)) / spacing), _POINTS - 1)]
+        target = window[min(point + int((_REACH + _REACH_TIME * max(now, 0.0)) / spacing), len(window) - 1)]
         dx, dy = target[X] - lap.x, target[Y] - lap.y
         cos, sin = math.cos(lap.heading), math.sin(lap.heading)
-        steering = arc_through(cos * dx + sin * dy, cos * dy - sin * dx, car.wheelbase)
-    elif abs(aside) > _JOINS[0]:
-        speed = min(speed, math.sqrt(_CORRECTION_USE * limiter.lateral / max(wanted, 1e-3)))
-    speed *= 1.0 - _SLOWER_OFF * min(max(abs(aside) - _ON_IT, 0.0), _LEAVES)
-    speed = min(speed, math.sqrt(2.0 * _uses(limiter)[1] * limiter.braking * (free - _STOPS_BEFORE)))
-    most = max(abs(bend), _CORRECTION_USE * held)
-    reference.steering_angle = saturate(steering, math.atan(car.wheelbase * most))
+        steering = saturate(arc_through(cos * dx + sin * dy, cos * dy - sin * dx, car.wheelbase), most)
+    speed = min(speed, math.sqrt(2.0 * uses_on(limiter)[1] * limiter.braking * (free - _STOPS_BEFORE)))
+    reference.steering_angle = steering
     reference.speed = min(reference.speed, speed) if not line.follows else speed
     dx, dy = window[point, X] - lap.x, window[point, Y] - lap.y
     cos, sin = math.cos(lap.heading), math.sin(lap.heading)
     reference.bearing = math.atan2(cos * dy - sin * dx, cos * dx + sin * dy)
     reference.distance = math.hypot(dx, dy)
     return ON if line.follows else NEAR
-
-
-@kernel
-def _uses(limiter: Record) -> tuple[float, float]:
-    """Return the shares of a limiter's cornering acceleration and of its braking that speed on the line counts on."""
-    return _USES_WHEN_LATE if limiter.slip.needs_slip_angle else _USES
 
 
 @kernel
@@ -441,56 +428,6 @@ def free_on(
 
 
 @kernel
-def ahead_on(line: Record) -> FloatArray:
-    """Return the points of the line from the one before the next on (_POINTS, 6)."""
-    window = np.empty((_POINTS, 6))
-    for k in range(_POINTS):
-        window[k] = line.points[(line.next + k - 1) % line.count]
-    return window
-
-
-@kernel
-def position_on(
-    points: FloatArray, point: int, spacing: float, x: float, y: float, heading: float
-) -> tuple[float, float, float]:
-    """Return the position of a car between two points of a line: their arc leads from one to the other.
-
-    That is the position along the line in points, how far to the left of the line the car is [m], and its angle to the
-    line [rad], positive to the left.
-
-    Args:
-      points: of a line (n, 6).
-      point: index of the one ahead of the car, from 1.
-      spacing: of the points [m].
-      x: of the rear axle [m].
-      y: of the rear axle [m].
-      heading: of the car [rad].
-    """
-    before, after = points[point - 1], points[point]
-    left = math.cos(after[HEADING]) * (after[X] - x) + math.sin(after[HEADING]) * (after[Y] - y)
-    share = min(max(1.0 - left / spacing, 0.0), 1.0)
-    turn = after[HEADING] - before[HEADING]
-    turn -= 2.0 * math.pi * round(turn / (2.0 * math.pi))
-    direction = before[HEADING] + share * turn
-    dx = x - before[X] - share * (after[X] - before[X])
-    dy = y - before[Y] - share * (after[Y] - before[Y])
-    aside = math.cos(direction) * dy - math.sin(direction) * dx
-    aside += 0.5 * share * (1.0 - share) * spacing * turn  # from the chord to the arc
-    angle = heading - direction
-    return point - 1 + share, aside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
-
-
-@kernel
-def curvature_at(points: FloatArray, position: float) -> float:
-    """Return the curvature [1/m] of a line at a position between its points; at the last one, if it is beyond."""
-    at = int(position)
-    if at + 1 >= len(points):
-        return float(points[len(points) - 1, CURVATURE])
-    share = position - at
-    return float((1.0 - share) * points[at, CURVATURE] + share * points[at + 1, CURVATURE])
-
-
-@kernel
 def _nearest(points: FloatArray, x: float, y: float) -> int:
     """Return the index of the point that is nearest to a place [m]."""
     best, least = 0, math.inf
@@ -499,35 +436,6 @@ def _nearest(points: FloatArray, x: float, y: float) -> int:
         if dx * dx + dy * dy < least:
             best, least = k, dx * dx + dy * dy
     return best
-
-
-@kernel
-def speed_on(points: FloatArray, position: float, spacing: float, limiter: Record, now: float) -> float:
-    """Return the greatest speed [m/s] from which the tires hold the car through all that comes.
-
-    Args:
-      points: of a line (n, 6).
-      position: of the car, in points.
-      spacing: of the points [m].
-      limiter: of type LIMITER.
-      now: present speed [m/s].
-    """
-    grip, braking = limiter.mu * limiter.car.gravity, _uses(limiter)[1] * limiter.braking
-    squares = np.empty(len(points))
-    square, demand = math.inf, 0.0
-    for k in range(len(points) - 1, -1, -1):
-        corner = limiter.lateral * points[k, RADIUS]
-        if square < corner:
-            used = square * demand / grip
-            square += 2.0 * braking * longitudinal_share(used, limiter.braking_exponent) * spacing
-        squares[k] = square = min(square, corner)
-        demand = points[k, DEMAND]
-    best = math.inf
-    for each in (position, position + _LOOKAHEAD * max(now, 0.0) / spacing):
-        at = min(int(each), len(points) - 2)
-        share = min(each - at, 1.0)
-        best = min(best, (1.0 - share) * squares[at] + share * squares[at + 1])
-    return math.sqrt(best)
 
 
 @kernel
@@ -580,6 +488,13 @@ def _is_on_line(
         return False
     if not line.ready:
         shape_line(line, lap, geometry, len(ranges), driver.limiter, driver.max_speed)
+        return False
+    if driver.limiter.slip.needs_slip_angle and line.trial.state != HOLDS:
+        if line.trial.state == TRYING and line.until < math.inf:
+            _limit(line, driver.limiter)
+            directions, period = beam_directions(geometry, len(ranges)), period_of(geometry)
+            points = line.points[: line.count]
+            try_lap(line.trial, points, line.spacing, lap, directions, line.limiter, driver.max_speed, period)
         return False
     if memory.guidance.follows and not line.follows:
         return False

@@ -1,6 +1,7 @@
 """The lap map and the lap raceline, in a ring that is driven with odometry that drifts; against geometry."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,20 +10,15 @@ import fg_mujoco as fg
 from cases import each
 from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, lines, seen_from
 from fg_mujoco.controllers.control.driving import REFERENCE
+from fg_mujoco.controllers.control.slip import arc_angle
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
 from fg_mujoco.controllers.perception.lap_map import see_lap
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
-from fg_mujoco.controllers.safety.lap_raceline import (
-    DEMAND,
-    RADIUS,
-    REMEMBERED,
-    follow_line,
-    free_on,
-    position_on,
-    shape_line,
-    speed_on,
-)
+from fg_mujoco.controllers.safety.lap_raceline import REMEMBERED, follow_line, free_on, shape_line
+from fg_mujoco.controllers.safety.lap_trial import TRIAL, move_car
+from fg_mujoco.controllers.safety.line_following import DEMAND, RADIUS, position_on, speed_on
 from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.vehicle.tires import AxleTires, Coulomb, Tires
 from scan_worlds import CAR
 
 RADIUS_DRIVEN = 3.0  # [m] of the circle that is driven in the ring
@@ -192,3 +188,30 @@ def test_a_lap_of_odometry_that_drifts_does_not_close_at_a_later_place_either():
 def test_a_line_that_is_about_as_sharp_as_full_lock_for_long_is_not_followed():
     """On a line of 1.10 times the lock's curvature the car ran wide, into the wall."""
     assert fg.race("maze", laps=3).car.finished
+
+
+def test_on_soft_tires_a_line_is_followed_only_where_the_planners_own_simulated_lap_holds():
+    """The car crashed on its line in lap 2 on both: linear tires of 5 /rad, and bristles of 12 /rad."""
+    lateral = Coulomb(stiffness=12.0)
+    axle = AxleTires(lateral=lateral, longitudinal=lateral, relaxation_length=0.045)
+    bristles = Tires(model="coulomb", front=axle, rear=axle)
+    for track, tires in (("tight", "f1tenth_gym"), ("l_corridor", bristles)):
+        car = fg.race(track, laps=3, tires=tires).car
+        assert car.finished and car.lap_times_s[2] > 0.9 * car.lap_times_s[0]
+    car = fg.race("l_corridor", laps=3, tires="forzaeth_nuc6").car
+    assert car.finished and car.lap_times_s[2] < 0.85 * car.lap_times_s[0]
+
+
+@each("tires", ["f1tenth_gym", "forzaeth_nuc6", "ipz"])
+@each("angle", [0.04, -0.1])  # at .2 rad the front tires brake the car, which the closed form leaves out
+def test_the_simulated_car_runs_on_the_arc_of_its_steering_angle(tires, angle):
+    """Oracle: the steady curve in closed form, at 3 m/s, with the axles' slip angles."""
+    car = replace(CAR, **Tires.load(tires).for_planners())
+    limiter = FrictionLimiter(car, min(car.front_peak, car.rear_peak)).record[0]
+    trial = np.zeros(1, TRIAL)[0]
+    trial["speed"], trial["commands"] = 3.0, (angle, 3.0)
+    for _ in range(400):
+        move_car(trial, limiter, 0.0, PERIOD)
+    speed = float(trial["speed"])
+    arc = arc_angle(limiter["slip"], limiter["car"], angle, speed)
+    assert trial["yaw_rate"] / speed == pytest.approx(math.tan(arc) / car.wheelbase, rel=0.02)

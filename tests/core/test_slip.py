@@ -8,12 +8,12 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.controllers.control.slip import arc_angle, held_arc, slip_row, steered
+from fg_mujoco.controllers.control.slip import arc_angle, held_arc, slip_angle, slip_row, steered
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
 from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.vehicle.tires import Tires, tire_names
+from fg_mujoco.vehicle.tires import AxleTires, Coulomb, Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle
 from scan_worlds import scan_of
 
@@ -69,3 +69,16 @@ def test_the_wheels_are_turned_out_by_as_much_as_the_car_turns_in_by_itself():
     assert held_arc(slip, car, -0.1, -1.5 * arc) == -held_arc(slip, car, 0.1, 1.5 * arc)
     assert held_arc(slip, car, 0.0, arc) < 0.0  # steered against it
     assert held_arc(slip_row(CAR, 9.0)[0], car, 0.1, 1.5 * arc) == 0.1
+
+
+def test_planners_are_told_of_bristles_below_20_per_rad_and_read_their_force_back():
+    def bristles(stiffness):
+        lateral = Coulomb(D=0.9, stiffness=stiffness)
+        axle = AxleTires(lateral=lateral, longitudinal=lateral, relaxation_length=0.045)
+        return Tires(model="coulomb", front=axle, rear=axle)
+
+    assert bristles(20.0).for_planners() == {} == Tires.load("coulomb").for_planners()
+    tires = bristles(12.0)
+    slip = slip_row(replace(CAR, **tires.for_planners()), 8.0)[0]
+    for angle in (0.01, 0.04, 0.07):
+        assert slip_angle(slip["front"], tires.axles[0].lateral.force(angle)) == pytest.approx(angle)

@@ -51,6 +51,7 @@ CONTACT_TIMESTEP = 0.0005
 
 _MOST_BYTES = 2**16  # of a tire file
 _AXLES = ("front", "rear")
+_STIFF = 0.05  # [rad] slip at which bristles slide, from which on planners are told how soft they are: 20 /rad
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,8 +204,8 @@ class Tires:
         return replace(self, front=axles[0], rear=axles[1])
 
     def for_planners(self) -> dict[str, float]:
-        """Return the parameters of the tires for planners, as fields of CarParameters; none for Coulomb friction."""
-        if self._of_vehicle or self.model == DEFAULT_TIRES:
+        """Return the parameters of the tires for planners, as fields of CarParameters; none for stiff bristles."""
+        if self._of_vehicle or (self.model == DEFAULT_TIRES and max(a.lateral.peak_slip for a in self.axles) <= _STIFF):
             return {}
         found = {"relaxation_length": max(axle.relaxation_length for axle in self.axles)}
         for name, axle in zip(_AXLES, self.axles, strict=True):
