@@ -37,11 +37,6 @@ _MOST_OF_32_BITS = float(np.finfo(np.float32).max)
 _SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
 
 
-def is_pair(topic: str) -> bool:
-    """Return whether a topic is one of two that command the car together: AutoDRIVE's, or the VESC's."""
-    return bool(_AUTODRIVE.fullmatch(topic) or _VESC.fullmatch(topic))
-
-
 def steering_of_twist(speed: float, turning: float, wheelbase: float) -> float:
     """Return the steering angle [rad] at which a car turns at a rate [rad/s] while it drives at a speed [m/s]."""
     angle = math.atan2(turning * wheelbase, abs(speed)) if abs(speed) > _SLOWEST else 0.0

@@ -368,8 +368,7 @@ class LaunchFiles:
             default = value.named.get("default_value", value.values[1] if len(value.values) > 1 else "")
             return {**os.environ, **self._environment}.get(self._text(first), self._text(default))
         if value.kind in ("ThisLaunchFileDir", "ThisLaunchFile"):
-            path = value.file.resolve()
-            return str(path if value.kind == "ThisLaunchFile" else path.parent)
+            return str(value.file.resolve() if value.kind == "ThisLaunchFile" else value.file.resolve().parent)
         if value.kind in ("EqualsSubstitution", "NotEqualsSubstitution"):
             same = self._text(values[0]) == self._text(values[1])
             return str(same is (value.kind == "EqualsSubstitution")).lower()
@@ -379,10 +378,9 @@ class LaunchFiles:
         if value.kind == "NotSubstitution":
             return str(self._text(first).lower() not in ("true", "1")).lower()
         if value.kind == "IfElseSubstitution":
-            chosen = self._text(first).strip().lower() in ("true", "1")
-            names = ("if_value", "else_value")
-            parts = {**dict(zip(names, value.values[1:], strict=False)), **value.named}
-            return self._text(parts.get(names[0] if chosen else names[1], ""))
+            chosen = "if_value" if self._text(first).strip().lower() in ("true", "1") else "else_value"
+            parts = dict(zip(("if_value", "else_value"), value.values[1:], strict=False))
+            return self._text({**parts, **value.named}.get(chosen, ""))
         if value.kind in _SAME_TEXT or value.kind.endswith("Source"):
             return self._text(first)
         raise ControllerError(

@@ -18,7 +18,7 @@ from typing import Any
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import DRIVE, from_cdr
 from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
-from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE, is_pair
+from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE
 from fg_mujoco.addons.ros.node_host.sensing import is_anothers
 from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, accepted_names
 
@@ -35,6 +35,8 @@ _ESTIMATED = ("/map", "/map_metadata", "/pf/pose/odom", "/pf/viz/inferred_pose",
 """Topics that are left to a node that publishes on them: they are of a map server, or of a localization."""
 _SWITCHES = {RESET: "std_msgs/msg/Empty", PAUSE: "std_msgs/msg/Bool"}
 _NO_COMMANDS = (*_SWITCHES, PLACE, OPPONENT_DRIVE)  # for the car
+_OF_ALL = ("/rosout", "/parameter_events")  # that each node of ROS publishes on
+_MOST_NAMED = 5  # topics in a message
 _COMMAND_KINDS = (DRIVE, ACKERMANN, TWIST, TWIST_STAMPED)
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _LOOK_EVERY = 0.1  # [s] of wall time between two looks at who reads and publishes
@@ -81,6 +83,7 @@ class Ros2Server:
         self._driving = 0  # publishers of commands
         self._asked: set[str] = set()  # topics of the present moment that nobody has answered
         self._others: dict[str, str] = {}  # types of further topics of commands that have a publisher
+        self._unread: dict[str, str] = {}  # types of other topics that have a publisher, until it is told of
         self._told: set[str] = set()  # those of them that it was said of what becomes of them
         self._alone = math.inf  # [s] when to say that no node has come
         self._again, self._patience = math.inf, _UNANSWERED  # [s] when they are published again
@@ -148,11 +151,9 @@ class Ros2Server:
                 self._came = now
             elif who == "publisher" and topic in self._race.published:
                 self._share(topic)
-            elif who == "publisher" and topic.startswith("/") and not is_anothers(topic):
-                if kind in _COMMAND_KINDS:
-                    self._others[topic], self._came = kind, now
-                elif is_pair(topic):
-                    self._say_unread(topic, kind, f"{DRIVE} on {DRIVE_TOPIC}")
+            elif who == "publisher" and topic.startswith("/") and not (topic in _OF_ALL or is_anothers(topic)):
+                (self._others if kind in _COMMAND_KINDS else self._unread)[topic] = kind
+                self._came = now
         driving = [topic for topic in self._participant.publishers() if topic not in _NO_COMMANDS]
         if self._others:
             driving = self._take_others(driving, settled=now - self._came > _SETTLED)
@@ -160,6 +161,12 @@ class Ros2Server:
             where = ", ".join(dict.fromkeys(driving))
             self._log(f"each command of {len(driving)} publishers, on {where}, is a tick; accepted: one publisher")
         self._driving = len(driving)
+        if self._unread and now - self._came > _ALONE:
+            if not driving and self._race.session.held_from_outside:
+                found = ", ".join(f"{topic} ({kind})" for topic, kind in list(self._unread.items())[:_MOST_NAMED])
+                said = f"no topic of commands has a publisher; accepted: {DRIVE} on {DRIVE_TOPIC}"
+                self._log(f"{said}; there are {found}")
+            self._unread.clear()
         if now >= self._alone:
             self._alone = math.inf
             self._log(
@@ -209,11 +216,9 @@ class Ros2Server:
                 self._log(f"{topic} is the only topic of {kind} that has a publisher, and is taken for {DRIVE_TOPIC}")
                 self._participant.announce()
             else:
-                self._say_unread(topic, kind, f"{DRIVE_TOPIC}, or --type {topic}={kind}")
+                accepted = f"{DRIVE_TOPIC}, or --type {topic}={kind}"
+                self._log(f"{topic} has a publisher of {kind}, which is not read; accepted: {accepted}")
         return driving
-
-    def _say_unread(self, topic: str, kind: str, accepted: str) -> None:
-        self._log(f"{topic} has a publisher of {kind}, which is not read; accepted: {accepted}")
 
     def _share(self, topic: str) -> None:
         """Say that another publishes on a topic, too, or leave it to that."""
