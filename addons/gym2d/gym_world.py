@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.course.course import Course
+from fg_mujoco.course.projection import follow
 from fg_mujoco.course.standing import off_course, stands_in_something
-from fg_mujoco.course.track import follow
 from fg_mujoco.display import brief
 from fg_mujoco.lidar.beams import lidar_of
 from fg_mujoco.lidar.lidar import Lidar, RaycastLidar

@@ -1,7 +1,8 @@
 """Courses: what a race is driven on, from its line, walls and obstacles to the files that it is read from.
 
     course       the members that every course has, and the rules of a race on it
-    track        a closed course: centreline, widths, progress along it; track_walls, track_mesh: its walls in 2D and 3D
+    track        a closed course: centreline and widths; track_walls, track_mesh: its walls in 2D and 3D
+    projection   the progress and the offset of a point, also on the inside of tight bends
     scene        an open course, from a start to a goal; scenes/: those that have a name
     maps/        courses from ROS maps, and tracks exported as maps and meshes
     formats      a course from its name; centreline_csv, generator: circuits from files and seeds

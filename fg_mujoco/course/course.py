@@ -76,7 +76,10 @@ class Course(Protocol):
 
     @property
     def table(self) -> FloatArray:
-        """Segments that `track.follow` searches: s, x, y, dx, dy, length^2 of each segment. Shape (6, k)."""
+        """Segments that `projection.follow` searches: s, x, y, dx, dy, length^2 of each. Shape (6, k).
+
+        Shape (10, k) where bends have sections, as `projection.with_sections` returns them.
+        """
 
     @property
     def map_line(self) -> MapLine:

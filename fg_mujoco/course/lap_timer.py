@@ -20,7 +20,7 @@ from ..compiled.kernels import kernel
 from ..display import brief
 from ..messages import FloatArray
 from .course import Course
-from .track import follow
+from .projection import follow
 
 STANDSTILL = 0.1  # [m] progress below this is standing still: a car that pushes against a wall still creeps
 

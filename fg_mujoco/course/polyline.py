@@ -145,6 +145,17 @@ def meeting_point(first: FloatArray, second: FloatArray) -> FloatArray | None:
     return first[0] + share * along if 0.0 <= share <= 1.0 and 0.0 <= other_share <= 1.0 else None
 
 
+def runs(marked: NDArray[np.bool_]) -> tuple[IndexArray, IndexArray]:
+    """First point and number of points of each run of marked ones, round the loop. Shape (k,) each."""
+    if marked.all():
+        return np.zeros(1, dtype=np.intp), np.full(1, len(marked))
+    first = np.flatnonzero(marked & ~np.roll(marked, 1))
+    after = np.flatnonzero(~marked & np.roll(marked, 1))
+    if len(first) and after[0] < first[0]:
+        after = np.roll(after, -1)
+    return first, (after - first) % len(marked)
+
+
 def resample(points: FloatArray, spacing: float, *columns: FloatArray) -> tuple[FloatArray, ...]:
     """Resample at even steps of arc length, nearest to `spacing` [m] that divide the loop; the first point stays.
 

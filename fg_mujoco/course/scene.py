@@ -24,11 +24,13 @@ from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import Sites
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, solids_numbers
-from .track import follow
+from .polyline import cross, segments
+from .projection import project_near, with_sections
 from .track_mesh import Surface
 
 BEHIND, BEYOND = 2.0, 3.0  # [m] least, of the way behind the start and beyond the goal
 STOP_TIME = 2.0  # [s] that the car has to stand still where the goal is to stop
+_WIDEST = 3.0  # [m] from the way to a wall that is looked for at a bend
 _HALF_LINE = 0.3  # [m] to either side of the way, of the lines on the ground at the start and the goal
 
 
@@ -182,9 +184,18 @@ class Scene(Shown):
 
     @cached_property
     def table(self) -> FloatArray:
-        """Segments of the way that `follow` searches: s, x, y, dx, dy, length^2. Shape (6, n - 1), read-only."""
+        """Segments of the way that `follow` searches, read-only."""
         ahead, lengths = self._steps
-        return read_only(np.vstack((self.arc_length[:-1], self.way[:-1].T, ahead.T, lengths * lengths)))
+        way = np.vstack((self.arc_length[:-1], self.way[:-1].T, ahead.T, lengths * lengths))
+        return read_only(with_sections(way, None, self._wall_sides, _WIDEST))
+
+    def _wall_sides(self) -> tuple[FloatArray, FloatArray]:
+        """Return the segments of the walls on the left of the way and on its right. Shapes (k, 2, 2) [m]."""
+        sides = np.concatenate([segments(wall.corners()) for wall in self.walls] or [np.empty((0, 2, 2))])
+        middles = sides.mean(axis=1)
+        segment = np.searchsorted(self.arc_length[1:-1], self._nearest(middles), side="right")
+        on_left = cross(self._steps[0][segment], middles - self.way[segment]) > 0.0
+        return sides[on_left], sides[~on_left]
 
     def position(self, s: ArrayLike, offset: ArrayLike = 0.0) -> FloatArray:
         """Points `s` [m] from the start along the way, `offset` [m] to its left; beyond its ends it goes straight on.
@@ -216,23 +227,15 @@ class Scene(Shown):
           Progress and offset, left positive. Shape (k,) [m] each.
         """
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-        if near is None:
-            near = self._nearest(points)
-        hints = np.broadcast_to(np.asarray(near, float), len(points)).tolist()
-        rows = [
-            follow(x, y, hint, self.table, self.modulus) for (x, y), hint in zip(points.tolist(), hints, strict=True)
-        ]
-        found = np.array(rows, dtype=np.float64).reshape(-1, 2)
-        return found[:, 0], found[:, 1]
+        return project_near(points, self._nearest(points) if near is None else near, self.table, self.modulus)
 
     def _nearest(self, points: FloatArray) -> FloatArray:
         """Progress of the nearest place of the whole way. Shape (k,) [m]."""
-        starts, _, _, _, _, squared = self.table
         ahead, lengths = self._steps
         away = points[:, None] - self.way[:-1]
-        share = np.clip(np.sum(away * ahead, axis=2) / squared, 0.0, 1.0)
+        share = np.clip(np.sum(away * ahead, axis=2) / (lengths * lengths), 0.0, 1.0)
         best = np.argmin(np.sum((away - share[..., None] * ahead) ** 2, axis=2), axis=1)
-        return np.asarray(starts[best] + share[np.arange(len(points)), best] * lengths[best])
+        return np.asarray(self.arc_length[best] + share[np.arange(len(points)), best] * lengths[best])
 
     @cached_property
     def _steps(self) -> tuple[FloatArray, FloatArray]:

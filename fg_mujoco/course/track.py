@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import explain_class
-from ..compiled.kernels import kernel
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
@@ -26,7 +25,8 @@ from .course import CLEAR_AHEAD, CLEAR_BEHIND, Sites, default_time_limit
 from .line_file import MOST_POINTS
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
-from .polyline import cross, self_crossings, step_lengths, steps, turns
+from .polyline import cross, segments, self_crossings, step_lengths, steps, turns
+from .projection import progress_by_sections, project_near, with_sections
 from .track_mesh import Surface, wall_prisms, wall_surface
 from .track_walls import MAX_TURN, shared_widths, wall_lines
 
@@ -42,7 +42,6 @@ MOST_OF_A_SQUARE = 20.0  # [m] of a line in a square metre: neighbouring lanes h
 FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
 WIDEST = 1e3  # [m] to either wall
 
-_SEARCH = 1.5  # [m] to either side of the previous progress; a car at 20 m/s does 0.5 m in a tick of 25 ms
 _CHUNK = 256  # points projected at once against the whole line, to bound the memory
 
 
@@ -289,7 +288,8 @@ class Track(Shown):
         """Point at progress `s` [m], any number of laps, and `offset` [m] to the left of the centreline.
 
         Args and result broadcast: shapes (...) -> (..., 2) [m]. The inverse of `project` where one segment is
-        nearest; in the wedge outside a corner point, `project` answers the corner.
+        nearest; in the wedge outside a corner point, `project` answers the corner, and inside of a tight bend the place
+        of a section.
         """
         s, offset = np.broadcast_arrays(np.asarray(s, float) % self.length, np.asarray(offset, float))
         i = np.searchsorted(self.arc_length, s, side="right") - 1
@@ -316,6 +316,9 @@ class Track(Shown):
     def project(self, points: ArrayLike, near: float | ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
         """Progress and lateral offset of points: the nearest place of the centreline.
 
+        On the inside of a bend that is tighter than the corridor is wide, progress is that of a section, as the module
+        `projection` says.
+
         Args:
           points: shape (k, 2) [m].
           near: progress that each point had shortly before, a number or shape (k,) [m]. The search starts there and
@@ -323,20 +326,15 @@ class Track(Shown):
             stretch in whose corridor the point lies is preferred to one whose centreline is merely nearer.
 
         Returns:
-          s in [0, length), and the offset, left positive. Shape (k,) [m] each.
+          s in [0, length), and the offset from the nearest place, left positive. Shape (k,) [m] each.
         """
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         if near is not None:
-            hints = np.broadcast_to(np.asarray(near, float), len(points)).tolist()
-            rows = [
-                follow(x, y, hint, self.table, self.length) for (x, y), hint in zip(points.tolist(), hints, strict=True)
-            ]
-            found = np.array(rows, dtype=np.float64).reshape(-1, 2)
-            return found[:, 0], found[:, 1]
+            return project_near(points, near, self.table, self.length)
         found = np.empty((2, len(points)))
         for k in range(0, len(points), _CHUNK):
             found[:, k : k + _CHUNK] = self._locate(points[k : k + _CHUNK])
-        return found[0], found[1]
+        return progress_by_sections(points, found[0], found[1], self.table, self.length), found[1]
 
     def _locate(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Project (k, 2) points with no hint, against all segments."""
@@ -357,57 +355,16 @@ class Track(Shown):
 
     @cached_property
     def table(self) -> FloatArray:
-        """Segments that `follow` searches: s, x, y, dx, dy, length^2 of each segment, shape (6, 3 n), read-only.
+        """Segments that `follow` searches, read-only.
 
         From a lap before the line to two after, so that a window about any progress in [0, length) is one slice.
         """
         ahead = steps(self.centreline)
         lap = np.vstack((self.arc_length, self.centreline.T, ahead.T, np.sum(ahead * ahead, axis=1)))
+        lap = with_sections(lap, self.length, lambda: list(map(segments, self.edges[:2])), np.maximum(*self._corridor))
         table = np.tile(lap, 3)
-        table[0] += self.length * np.repeat((-1.0, 0.0, 1.0), len(ahead))
+        table[0] += self.length * np.repeat((-1.0, 0.0, 1.0), lap.shape[1])
         return read_only(table)
-
-
-@kernel
-def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -> tuple[float, float]:
-    """Project one point from a hint: the nearest in a window, which moves on while the nearest is at its edge.
-
-    Args:
-      x, y: the point [m].
-      near: its progress shortly before [m].
-      table: `Course.table`.
-      modulus: `Course.modulus` [m].
-
-    Returns:
-      Progress in [0, modulus) [m], and the offset [m], left positive.
-    """
-    starts = table[0]
-    s, offset = near, 0.0
-    for _ in range(math.ceil(modulus / _SEARCH)):
-        centre = s % modulus
-        first, behind = 0, len(starts)  # bisection, as np.searchsorted, which takes numba longer to compile
-        while first < behind:
-            middle = (first + behind) // 2
-            if starts[middle] > centre - _SEARCH:
-                behind = middle
-            else:
-                first = middle + 1
-        first = max(first - 1, 0)
-        nearest = math.inf
-        for i in range(first, len(starts)):
-            if starts[i] > centre + _SEARCH:
-                break
-            away_x, away_y, step_x, step_y = x - table[1, i], y - table[2, i], table[3, i], table[4, i]
-            share = min(max((away_x * step_x + away_y * step_y) / table[5, i], 0.0), 1.0)
-            foot_x, foot_y = away_x - share * step_x, away_y - share * step_y
-            squared = foot_x * foot_x + foot_y * foot_y
-            if squared < nearest:
-                nearest = squared
-                s = starts[i] + share * math.sqrt(table[5, i])
-                offset = math.copysign(math.sqrt(squared), step_x * away_y - step_y * away_x)
-        if abs(s - centre) < 0.9 * _SEARCH:
-            break
-    return s % modulus, offset
 
 
 def check_size(line: FloatArray) -> None:

@@ -25,6 +25,7 @@ from .polyline import (
     enclosed_area,
     meeting_point,
     nearby,
+    runs,
     segments,
     self_crossings,
     simplify,
@@ -137,7 +138,7 @@ def _offset(line: FloatArray, widths: FloatArray) -> tuple[FloatArray, FloatArra
 
 def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
     wall, half_turn = _offset(line, widths)
-    wall = _cut_off(wall, *_runs(_in_corridor(wall, line, widths, half_turn)))
+    wall = _cut_off(wall, *runs(_in_corridor(wall, line, widths, half_turn)))
     folds = True
     while folds and len(wall) >= 3:  # what jumps of the widths leave: folds outside of every corridor
         wall = wall[step_lengths(wall) > _TOUCH]
@@ -181,17 +182,6 @@ def _covered(
     lean = np.maximum(-np.tan(half_turn), 0.0)
     between = (along >= -lean[j] * aside) & (along <= lengths[j] + np.roll(lean, -1)[j] * aside)
     return np.asarray(between & (aside > 0.0) & (aside < edge + beyond))
-
-
-def _runs(marked: BoolArray) -> tuple[IndexArray, IndexArray]:
-    """First point and number of points of each run of marked ones, round the loop. Shape (k,) each."""
-    if marked.all():
-        return np.zeros(1, dtype=np.intp), np.full(1, len(marked))
-    first = np.flatnonzero(marked & ~np.roll(marked, 1))
-    after = np.flatnonzero(~marked & np.roll(marked, 1))
-    if len(first) and after[0] < first[0]:
-        after = np.roll(after, -1)
-    return first, (after - first) % len(marked)
 
 
 def _zigzags(turn: FloatArray) -> BoolArray:

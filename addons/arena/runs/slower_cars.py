@@ -25,7 +25,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fg_mujoco.course.track import Track, follow
+from fg_mujoco.course.projection import follow
+from fg_mujoco.course.track import Track
 from fg_mujoco.messages import (
     CarParameters,
     Controller,

@@ -21,7 +21,8 @@ import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.course.course import outline
-from fg_mujoco.course.track import Track, follow
+from fg_mujoco.course.projection import follow
+from fg_mujoco.course.track import Track
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray, require
 

@@ -17,7 +17,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d.speed_controller import SpeedController
-from fg_mujoco.course.track import follow
+from fg_mujoco.course.projection import follow
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 STEP = 0.01  # [s]
