@@ -108,7 +108,7 @@ def drive_worlds(
     decision_limit: float | None = None,
     opponents: Opponents | None = None,
     stop: Callable[[], bool] | None = None,
-    watch: Callable[[int, int], None] | None = None,
+    watch: Callable[[float], None] | None = None,
 ) -> WorldResults:
     """Drive each scenario to its end, in the calling thread.
 
@@ -126,7 +126,7 @@ def drive_worlds(
       decision_limit: of wall time that a planner may take for one decision [s], as of `race`; None: any.
       opponents: that car 0 of each world, which the scenario is about, races against; None: it drives alone.
       stop: asked every few ticks; once it says True, all worlds that still run end as "interrupted".
-      watch: called every few ticks with the ticks done in this call and the number of worlds that run.
+      watch: called every few ticks with the world-seconds that were simulated since the last call.
 
     Raises:
       SettingsError: neither laps nor time_limit, more laps than a scene has, or an unknown record.
@@ -149,10 +149,8 @@ def drive_worlds(
         key = (scenario.track, scenario.car, scenario.tire_set, tuple(scenario.patches), scenario.obstacles, delayed)
         groups.setdefault(key, []).append(i)
     find_controller(controller)  # refuses what is none
-    ticks = 0
 
     def drive(world: World, members: Sequence[int]) -> None:
-        nonlocal ticks
         limit = time_limit if time_limit is not None else world.track.longest_race(laps or 1)
         room = laps_within(world.track, laps, limit)
         engine = make_engine(
@@ -166,6 +164,7 @@ def drive_worlds(
         results.begin(members, engine)
         plain = recorded.what == "summary" and not controls and clock is None
         most = max(_WORLD_TICKS // len(members), 1) if plain else 1
+        told = 0.0  # [s] of all worlds
         while engine.running.any():
             if stop is not None and stop():
                 engine.interrupt()
@@ -175,11 +174,12 @@ def drive_worlds(
             for place in map(int, np.flatnonzero(driven) if controls else ()):
                 controls[place].after_tick()
             results.add(members, engine, cars, driven & ~_worlds(engine.monitor.reasons == _FAILED, engine))
-            ticks += most
             if clock is not None:
                 clock.seconds.clear()
             if watch is not None:
-                watch(ticks, int(_worlds(engine.running, engine).sum()))
+                simulated = float(engine.times.sum())
+                watch(simulated - told)
+                told = simulated
         results.end(members, engine, scenarios, controls)
 
     clock = None if decision_limit is None else DecisionClock(decision_limit)

@@ -153,7 +153,7 @@ class RolloutJob:
         *,
         controller: str | None = None,
         stop: Callable[[], bool] | None = None,
-        watch: Callable[[int, int], None] | None = None,
+        watch: Callable[[float], None] | None = None,
         worlds: Sequence[int] | None = None,
     ) -> Arrays:
         """Drive a chunk in the calling thread and return what it leaves.

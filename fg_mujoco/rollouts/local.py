@@ -16,7 +16,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
 
-from .job import TICK, Arrays, RolloutJob, joined
+from .job import Arrays, RolloutJob, joined
 from .workers import completed, usable_cores, work_off
 
 
@@ -31,19 +31,15 @@ def drive_in_threads(
       job: the rollout.
       chunks: their numbers.
       workers: threads; None: as many as this process has cores.
-      pulse: called several times a second with the approximate world-seconds of the chunks under way.
+      pulse: called several times a second with the world-seconds of the chunks under way.
     """
     stopped, driven = threading.Event(), dict.fromkeys(chunks, 0.0)  # [s] of chunks that are not finished
 
     running: list[threading.Thread] = []
 
     def drive(number: int, future: Future[Arrays]) -> None:
-        done = 0
-
-        def watch(ticks: int, worlds: int) -> None:
-            nonlocal done
-            driven[number] += worlds * (ticks - done) * TICK
-            done = ticks
+        def watch(seconds: float) -> None:
+            driven[number] += seconds
 
         try:
             future.set_result(job.drive(number, stop=stopped.is_set, watch=watch))

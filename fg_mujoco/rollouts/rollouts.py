@@ -74,7 +74,7 @@ class RolloutProgress:
     worlds: int
     worlds_found: int  # in the folder, driven by an earlier call
     worlds_driven: int  # by this call
-    world_seconds: float  # [s] simulated by this call, about
+    world_seconds: float  # [s] simulated by this call; of chunks under way by threads only
     wall_time_s: float
 
     @property
