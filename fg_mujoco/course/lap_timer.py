@@ -20,7 +20,7 @@ from ..compiled.kernels import kernel
 from ..display import brief
 from ..messages import FloatArray
 from .course import Course
-from .projection import follow
+from .projection import follow, has_sections
 
 STANDSTILL = 0.1  # [m] progress below this is standing still: a car that pushes against a wall still creeps
 
@@ -34,6 +34,7 @@ LAP_TIMER = np.dtype(
         ("mark", np.float64),  # [m] greatest progress at `last_progress_time`
         ("last_progress_time", np.float64),  # [s] when the greatest progress last grew by STANDSTILL
         ("laps_completed", np.int64),
+        ("passed", np.float64),  # [m] greatest progress where the line has no sections; -inf before the first update
         ("furthest", np.float64),  # [m] greatest progress; -inf before the first update
         ("furthest_time", np.float64),  # [s] when and where the car first had it
         ("furthest_x", np.float64),  # [m]
@@ -48,7 +49,7 @@ def fresh_timers(count: int) -> NDArray[np.void]:
     timers = np.zeros(count, LAP_TIMER)
     for name in ("place", "offset", "time", "lap_start", "last_progress_time"):
         timers[name] = math.nan
-    timers["furthest"] = -math.inf
+    timers["passed"] = timers["furthest"] = -math.inf
     return timers
 
 
@@ -159,6 +160,7 @@ def time_lap(
     place, timer.offset = follow(x, y, timer.place, table, modulus)
     if math.isnan(timer.time):
         timer.lap_start = timer.last_progress_time = time
+        timer.passed = timer.progress
     else:
         distance = (place - timer.place + 0.5 * modulus) % modulus - 0.5 * modulus
         timer.progress = before + distance
@@ -170,6 +172,8 @@ def time_lap(
             timer.laps_completed += 1
         if timer.progress >= timer.mark + STANDSTILL:
             timer.mark, timer.last_progress_time = timer.progress, time
+    if timer.progress > timer.passed and not has_sections(place, table):
+        timer.passed = timer.progress
     if timer.progress > timer.furthest:
         timer.furthest, timer.furthest_time, timer.furthest_x, timer.furthest_y = timer.progress, time, x, y
     timer.place, timer.time = place, time

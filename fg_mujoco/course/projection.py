@@ -45,14 +45,7 @@ def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -
     s, offset, segment = near, 0.0, 0
     for _ in range(math.ceil(modulus / _SEARCH)):
         centre = s % modulus
-        first, behind = 0, len(starts)  # bisection, as np.searchsorted, which takes numba longer to compile
-        while first < behind:
-            middle = (first + behind) // 2
-            if starts[middle] > centre - _SEARCH:
-                behind = middle
-            else:
-                first = middle + 1
-        first = max(first - 1, 0)
+        first = segment_at(starts, centre - _SEARCH)
         nearest = math.inf
         for i in range(first, len(starts)):
             if starts[i] > centre + _SEARCH:
@@ -70,6 +63,28 @@ def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -
     if len(table) > 6:
         s = _by_sections(x, y, s, segment, table, offset > 0.0)
     return s % modulus, offset
+
+
+@kernel
+def segment_at(starts: FloatArray, s: float) -> int:
+    """Return the number of the last segment that starts at `s` or before; 0 where none does. `starts` is sorted."""
+    first, behind = 0, len(starts)  # bisection, as np.searchsorted, which takes numba longer to compile
+    while first < behind:
+        middle = (first + behind) // 2
+        if starts[middle] > s:
+            behind = middle
+        else:
+            first = middle + 1
+    return max(first - 1, 0)
+
+
+@kernel
+def has_sections(s: float, table: FloatArray) -> bool:
+    """Return whether the line has sections at a place in [0, modulus), on either side."""
+    if len(table) == 6:
+        return False
+    segment = segment_at(table[0], s)
+    return not (math.isnan(table[6, segment]) and math.isnan(table[8, segment]))
 
 
 @kernel

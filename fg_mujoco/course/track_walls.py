@@ -159,13 +159,16 @@ def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
 def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_turn: FloatArray) -> BoolArray:
     """Return a mask of the points of the left wall, one for each of the line, in the corridor of another part of it.
 
-    The corridor of a segment is the trapezoid on it; on the outside of a corner it leans out to meet the next one.
+    The corridor of a segment is the trapezoid on it; on the outside of a corner it leans out to meet the next one. A
+    point beyond the line of that part is in it, too.
     """
     i, j = nearby(np.stack((wall, wall), axis=1), segments(line), 2.0 * float(widths.max()))
     neighbour = (i == j) | (i == (j + 1) % len(line))
     i, j = i[~neighbour], j[~neighbour]
     inside = np.zeros(len(wall), dtype=bool)
     inside[i[_covered(wall[i], j, line, widths, half_turn, -_TOUCH)]] = True
+    i, j = crossings(np.stack((line, wall), axis=1), segments(line))  # of a corridor wider than two arms are apart
+    inside[i[(i != j) & (i != (j + 1) % len(line))]] = True
     return inside
 
 

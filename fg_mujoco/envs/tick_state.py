@@ -25,6 +25,7 @@ from ..compiled.kernels import kernel
 from ..course.clearance import clearances
 from ..course.course import outline, wall_outlines
 from ..course.lap_timer import LAP_TIMER
+from ..course.projection import segment_at
 from ..messages import CarParameters, FloatArray
 from ..simulation.engine import Engine
 from ..simulation.telemetry import STATISTICS, TELEMETRY
@@ -392,13 +393,6 @@ def _heading_errors(poses: FloatArray, places: FloatArray, table: FloatArray, er
     """Write the angles from the direction of the course at `places` (n,) to the headings of `poses` (n, 3)."""
     starts = table[0]
     for i in range(len(poses)):
-        first, behind = 0, len(starts)  # bisection, as in `follow`
-        while first < behind:
-            middle = (first + behind) // 2
-            if starts[middle] > places[i]:
-                behind = middle
-            else:
-                first = middle + 1
-        segment = max(first - 1, 0)
+        segment = segment_at(starts, places[i])
         error = poses[i, 2] - math.atan2(table[4, segment], table[3, segment])
         errors[i] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)

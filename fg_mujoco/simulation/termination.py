@@ -18,7 +18,12 @@ from .physics import BAD_WARNINGS, StateLayout
 
 Mask = NDArray[np.bool_]
 
-WRONG_WAY_LIMIT = 5.0  # [m] a race ends when the car has come back this far from its greatest progress
+WRONG_WAY_LIMIT = 5.0
+"""[m] A race ends when the car has come back this far from its greatest progress.
+
+A stretch with sections, as `course.projection` has them in tight bends, counts once the car has left it: both arms of
+the bend are one wide place there, and a car that crosses it to and fro has not turned back.
+"""
 NO_PROGRESS_LIMIT = 10.0  # [s] a race ends when the car has not come further for this long
 STANDING_SPEED = 0.05  # [m/s] a car slower than this stands still, where the goal is to stop
 
@@ -153,7 +158,7 @@ def judge_cars(
         unstable = False
         for kind in range(_FIRST_BAD, _END_OF_BAD, 2):
             unstable = unstable or warnings[world, kind] > 0
-        back = timers[row].furthest - timers[row].progress
+        back = timers[row].passed - timers[row].progress
         since = timers[row].last_progress_time
         rolled_over = is_rolled_over(qpos, cars[row : row + 1])
         if length < math.inf:
@@ -178,7 +183,7 @@ def end_reason(
 ) -> int:
     """Return the number in END_REASONS of why a race is over, 0 while it goes on.
 
-    `back` [m] is how far the car has come back from its greatest progress.
+    `back` [m] is how far the car has come back, as WRONG_WAY_LIMIT says.
     `last_time` [s] is half a tick before the time limit, because times are sums of many ticks.
     """
     if unstable:

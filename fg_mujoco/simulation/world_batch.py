@@ -389,7 +389,7 @@ class WorldBatch:
         modulus = self.world.track.modulus
         timer["progress"] += (float(place[0]) - timer["place"] + 0.5 * modulus) % modulus - 0.5 * modulus
         timer["place"] = float(place[0])
-        timer["furthest"] = timer["mark"] = timer["progress"]
+        timer["furthest"] = timer["passed"] = timer["mark"] = timer["progress"]
         timer["last_progress_time"] = self.physics.states[i, self.layout.time]
         self._arrays.touched_at[row] = -np.inf
 
