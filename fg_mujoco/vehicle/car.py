@@ -92,6 +92,8 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     steering_angle, steering_rate, steering_time_constant = response(model, steering, joints)
     drive = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")
     speed_gain = _positive(model.actuator_gainprm[drive, 0], "gain of actuator 'speed'")
+    stateless = model.actuator_dyntype[drive] == mujoco.mjtDyn.mjDYN_NONE
+    filtered = 0.0 if stateless else float(model.actuator_dynprm[drive, 0])  # [s] of a command, before the servo
     power_limit = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
     lidar_mount = element_id(model, mujoco.mjtObj.mjOBJ_SITE, f"{prefix}lidar_mount")
 
@@ -114,7 +116,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         max_speed=float(model.actuator_ctrlrange[drive, 1]),
         max_acceleration=_greatest_force(model, drive) / effective_mass,
         power_limit_speed=float(model.numeric_data[model.numeric_adr[power_limit]]),
-        speed_time_constant=effective_mass / speed_gain,
+        speed_time_constant=effective_mass / speed_gain + filtered,
         lidar_offset=float(model.site_pos[lidar_mount, 0]),
         gravity=-float(model.opt.gravity[2]),
         steering_time_constant=steering_time_constant,

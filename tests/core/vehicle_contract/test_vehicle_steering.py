@@ -118,6 +118,13 @@ def test_a_limit_of_the_wheels_or_their_tendon_bounds_the_drive_and_planners_kno
     assert simulation.world.car.ground_speed(simulation.data) / 0.5 == pytest.approx(told, rel=0.02)
 
 
+def test_planners_know_the_filter_of_a_drive(tmp_path):
+    drive = '<velocity name="speed" tendon="drive" kv="40.232"'
+    filtered = '<general name="speed" tendon="drive" dyntype="filter" dynprm="0.2" gainprm="40.232" biastype="affine"'
+    file = car(tmp_path, [(drive, f'{filtered} biasprm="0 0 -40.232"')])
+    assert fg.Vehicle.load(file).parameters.speed_time_constant == pytest.approx(0.3, rel=1e-5)
+
+
 def test_a_steering_that_is_driven_to_be_measured_has_the_numbers_of_the_closed_form():
     model = fg.Vehicle.load("f1tenth").compile()
     lock, rate, time_constant = _driven(model, 0, model.joint("steering").id, 0.4189)
