@@ -14,6 +14,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.course.files import tomllib
 from fg_mujoco.errors import MissingExtraError
 from rendered import needs_gl
 
@@ -126,6 +127,14 @@ def test_shortest_planner_drives_a_lap(tmp_path, monkeypatch, capsys):
     assert main(["race", "--controller", "shortest.py:WidestView", "--laps", "1"]) == 0, capsys.readouterr().out
 
 
+def test_start_says_which_extras_make_installs():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    packages = {extra: {re.match(r"[\w-]+", each)[0] for each in texts} for extra, texts in extras.items()}
+    lacking = {extra for extra, names in packages.items() if not names <= packages["dev"]}
+    said = re.search(r"`make\s+test` installs all but ([^.]*)\.", (DOCS / "start.md").read_text("utf-8"))[1]
+    assert set(re.findall(r"`(\w+)`", said)) == lacking
+
+
 @pytest.mark.parametrize("page", ONLY_IMPORTED)
 def test_what_a_page_imports_is_there(page):
     pytest.importorskip("PIL")
@@ -135,7 +144,11 @@ def test_what_a_page_imports_is_there(page):
     exec(compile(ast.Module(imports, []), page, "exec"), {})
 
 
-def test_commands_of_pages_are_accepted(capsys):
+def test_commands_of_pages_are_accepted(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for title, code in (block for page in PAGES for block in blocks(page, "python")):
+        if title:  # a file that a command may name
+            Path(title).write_text(code, "utf-8")
     shown = [
         (page, line)
         for page in PAGES
