@@ -43,8 +43,8 @@ class DisparitySelectionSettings(DrivingSettings):
 
     disparity_threshold: float = setting(0.5, "m", "between neighbouring readings, for an edge", FROM_ZERO)
     bubble_radius: float = setting_of_car(0.4, "m", "round the nearest point", POSITIVE)
-    lookahead: float = setting(3.0, "m", "refined: what lies beyond counts as no farther", POSITIVE)
-    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are looked for", POSITIVE)
+    lookahead: float = setting(3.0, "m", "refined: longer readings count as this", POSITIVE)
+    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are searched", POSITIVE)
 
 
 @kernel

@@ -53,8 +53,8 @@ class FollowTheGapSettings(DrivingSettings):
     point: Literal["furthest", "middle", "deepest"] = setting("furthest", text="of the gap, that the car drives to")
     bubble: Literal["beams", "points"] = setting("beams", text="what is inside the bubble")
     bubble_radius: float = setting_of_car(0.4, "m", "the middle of the notes' 0.3 to 0.5", POSITIVE)
-    lookahead: float = setting(3.0, "m", "refined: what lies beyond counts as no farther", POSITIVE)
-    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are looked for", POSITIVE)
+    lookahead: float = setting(3.0, "m", "refined: longer readings count as this", POSITIVE)
+    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are searched", POSITIVE)
     depth_tolerance: float = setting(0.5, "m", "point=deepest, step 4", FROM_ZERO)
 
 

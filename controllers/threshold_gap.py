@@ -54,7 +54,7 @@ class ThresholdGapSettings(DrivingSettings):
     least_readings: int = setting(
         3, "", "n", Accepted("a whole number from 1 to 1e9", lambda n: 1.0 <= n <= 1e9 and n.is_integer())
     )
-    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are looked for", POSITIVE)
+    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are searched", POSITIVE)
 
 
 @kernel

@@ -48,10 +48,10 @@ class WeightedGapSettings(DrivingSettings):
     """Parameters of the method. The middle of a gap wider than half a turn would lie behind the car."""
 
     alpha: float = setting(2.0, "m", "of the nearest obstacle, at which the gap weighs as much as the goal", POSITIVE)
-    horizon: float = setting(2.75, "m", "what is nearer is an obstacle", POSITIVE)
+    horizon: float = setting(2.75, "m", "nearer readings are obstacles", POSITIVE)
     clearance: float = setting(0.05, "m", "to the side of the car", FROM_ZERO)
     field_of_view: float = setting(
-        math.pi, "rad", "in which gaps are looked for",
+        math.pi, "rad", "in which gaps are searched",
         Accepted("a number above 0, at most pi", lambda value: 0.0 < value <= math.pi),
     )  # fmt: skip
 

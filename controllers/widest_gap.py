@@ -43,7 +43,7 @@ from .perception.scan_geometry import beams_between, bearing_of, geometry_record
 class WidestGapSettings(DrivingSettings):
     """Parameters of the gaps."""
 
-    field_of_view: float = setting(math.radians(90.0), "rad", "in which gaps are looked for", POSITIVE)
+    field_of_view: float = setting(math.radians(90.0), "rad", "in which gaps are searched", POSITIVE)
     least_jump: float = setting(0.5, "m", "between neighbouring readings, for a gap", FROM_ZERO)
     pursuit_distance: float = setting_of_car(
         2.0, "m", "the arc leads through the point this far along the goal's direction", POSITIVE

@@ -568,7 +568,7 @@ def _first(planner: Planner) -> NDArray[np.void]:
 
 
 LEARN = Stage(
-    text="the planner is not told the friction: it starts at 0.4 and learns it", needs=("limiter",),
+    text="the planner does not know the friction: it starts at 0.4 and learns it", needs=("limiter",),
     needs_friction=True, before_guidance=_learn, after_driving=_correct, state_type=_LEARNS, first=_first,
     frictions=tuple(levels().tolist()),
 )  # fmt: skip

@@ -4,7 +4,7 @@
     car.vehicle, car.words                        # what was told, and what was taken instead
     write_car(car, Path("my_car"))                # my_car.xml, my_car.toml and my_car.html
 
-What is not told is the vehicle f1tenth's. Tires that are told as a Magic Formula are one; cornering stiffnesses with a
+What is not given is the vehicle f1tenth's. Tires that are told as a Magic Formula are one; cornering stiffnesses with a
 friction are the brush model, which has both and lets go. Without them the tires are Coulomb friction of the mu.
 """
 
@@ -65,15 +65,15 @@ class FileCar:
 
 
 def load_car(source: Path) -> Vehicle:
-    """Return the vehicle of a file or a folder that tells of a car, and say in a `Note` what was not told.
+    """Return the vehicle of a file or a folder that tells of a car, and say in a `Note` what was not given.
 
     Raises:
       SettingsError: what `car_of` refuses.
     """
     car = car_of([source])
-    taken = ", ".join(line.partition(":")[0] for line in car.words if ": not told" in line)
+    taken = ", ".join(line.partition(":")[0] for line in car.words if ": not given" in line)
     unused = [line for line in car.words if "not used" in line]
-    said = [f"{source}: told are {', '.join(car.files.values)}", f"not told, but taken: {taken or 'nothing'}", *unused]
+    said = [f"{source}: told are {', '.join(car.files.values)}", f"not given, so taken: {taken or 'nothing'}", *unused]
     warnings.warn("; ".join(said), Note, stacklevel=4)
     return car.vehicle
 
@@ -135,7 +135,7 @@ def _car_of(sources: tuple[Path, ...], states: tuple[str, ...]) -> FileCar:
             continue
         told, said = values.get(name), f"{_WORDS.get(name, name)} {{:.4g}} {_UNITS[name]}"
         if told is None:
-            words.append(f"{said.format(value)}: not told, {DEFAULT_VEHICLE}'s")
+            words.append(f"{said.format(value)}: not given, {DEFAULT_VEHICLE}'s")
         elif name in _KEPT and not math.isclose(told.value, value, rel_tol=_SAME):
             other = f"{told.name} {told.value:g} of {told.file}"
             words.append(f"{said.format(value)}: {other} is not used, {DEFAULT_VEHICLE}'s is")
@@ -158,7 +158,7 @@ def _lengths(values: dict[str, Told], own: dict[str, float]) -> Iterator[str]:
             shared = {other: wheelbase.value - values[one].value}
         else:
             shared = {name: wheelbase.value * own[name] / (own["lf"] + own["lr"]) for name in ("lf", "lr")}
-            yield f"centre of gravity between the axles: not told, shared as {DEFAULT_VEHICLE}'s"
+            yield f"centre of gravity between the axles: not given, shared as {DEFAULT_VEHICLE}'s"
         values |= {name: replace(wheelbase, value=value) for name, value in shared.items()}
 
 
@@ -172,18 +172,18 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
         "nominal_load": 0.25 * mass * 9.81, "rolling_resistance": told.get("rolling", 0.0),
     }  # fmt: skip
     taken = [
-        f"{name} of the tires {common[name.replace(' ', '_')]:g}: not told, as of nuc2's"
+        f"{name} of the tires {common[name.replace(' ', '_')]:g}: not given, as in nuc2's"
         for name, quantity in (("relaxation length", "relaxation"), ("rolling resistance", "rolling"))
         if quantity not in told
     ]
     words: list[str] = []
     formula = [f"{letter}{axle}" for axle in "fr" for letter in "BCD"]
     if told.keys().isdisjoint(["Bf", "Br", "Df", "Dr"]):  # C alone is a stiffness, in one unit or another
-        words += [f"{files.values[name].name} {told[name]:g} is not used: B and D are not told" for name in formula
+        words += [f"{files.values[name].name} {told[name]:g} is not used: B and D are not given" for name in formula
                   if name in told]  # fmt: skip
     elif missing := [name for name in formula if name not in told]:
         said = ", ".join(missing)
-        raise SettingsError(f"{source}: of the Magic Formulas is not told {said}; accepted: all of them, E or none")
+        raise SettingsError(f"{source}: the Magic Formulas lack {said}; accepted: all of them, E or none")
     else:
         formulas = {  # B has a sign where slip angles have the other one
             k: (abs(told[f"B{k}"]), told[f"C{k}"], told[f"D{k}"] * (mu or 1.0), told.get(f"E{k}", 0.0)) for k in "fr"
@@ -197,14 +197,14 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
         if all(C >= _LEAST_C and peaks[k] >= _OF_D * D for k, (_, C, D, _) in formulas.items()):
             model = "magic_formula"
             curves = {k: dict(zip("BCDE", formulas[k], strict=True)) | {"sliding_share": _SLIDING} for k in "fr"}
-            words += [*taken, f"force behind the peak, at least {_SLIDING:g} of it: not told"]
+            words += [*taken, f"force behind the peak, at least {_SLIDING:g} of it: not given"]
         else:  # as some that were fitted to drives that never slid
             model = "brush"
             curves = {k: {"stiffness": B * C * D / peaks[k], "D": peaks[k]} for k, (B, C, D, _) in formulas.items()}
             words += ["brush tires of their slopes and greatest forces, because they have no peak", *taken]
-        words.append("force along the wheels as across them: not told")
+        words.append("force along the wheels as across them: not given")
         axles = {axle: curves[axle[0]] | common for axle in ("front", "rear")}
-        return {"model": model, "floor": f"not told by {source}", **axles}, None, words
+        return {"model": model, "floor": f"not given by {source}", **axles}, None, words
     stiffness = {name: told.get(name, math.nan) for name in ("C_Sf", "C_Sr")}
     if not any(math.isnan(value) for value in stiffness.values()):
         if all(math.isclose(value, F1TENTH[name], rel_tol=_SAME) for name, value in stiffness.items()):
@@ -216,12 +216,12 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
             }
             words += [f"brush tires of C_Sf, C_Sr and mu of {source}; past mu they slide, which linear tires do not"]
             words += taken
-            return {"model": "brush", "floor": f"not told by {source}", **axles}, None, words
+            return {"model": "brush", "floor": f"not given by {source}", **axles}, None, words
         else:
-            words.append("C_Sf and C_Sr are not used: mu is not told")
+            words.append("C_Sf and C_Sr are not used: mu is not given")
     own = Vehicle.load(DEFAULT_VEHICLE).nominal_mu
     words.append(
-        f"Coulomb friction of mu {own:.5g}: not told, {DEFAULT_VEHICLE}'s"
+        f"Coulomb friction of mu {own:.5g}: not given, {DEFAULT_VEHICLE}'s"
         if mu is None
         else f"Coulomb friction of mu {mu:g}: {files.values['mu'].name} of {files.values['mu'].file}"
     )

@@ -262,7 +262,7 @@ def simulator_of(
     if setup is not None:
         setup.require_usable("an environment of f1tenth_gym", "vehicle", "tires", alone=True)
         if vehicle is not None or tires is not None:
-            raise SettingsError("setup is given beside vehicle or tires; accepted: one of them")
+            raise SettingsError("setup and vehicle or tires are both given; accepted: one of them")
         vehicle, tires = setup.first.vehicle, setup.first.tires
     return Simulator(
         vehicle=(os.environ.get(VEHICLE) or DEFAULT_VEHICLE) if vehicle is None else vehicle,

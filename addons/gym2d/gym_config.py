@@ -214,7 +214,7 @@ class LiDARConfig(Settings):
     def __init__(self, *, field_of_view: Any = None, **named: Any) -> None:
         if field_of_view is not None:
             if {"angle_min", "angle_max"} & set(named):
-                raise SettingsError("LiDARConfig has field_of_view beside an angle; accepted: one of them")
+                raise SettingsError("LiDARConfig has field_of_view and an angle; accepted: one of them")
             half = 0.5 * number("field_of_view", field_of_view)
             named |= {"angle_min": -half, "angle_max": half}
         super().__init__(**named)

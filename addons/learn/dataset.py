@@ -243,7 +243,7 @@ def read_dataset(folder: str | Path) -> Dataset:
     settings = store.manifest()["settings"]
     if "scan" not in settings:
         kind = settings.get("record", "summary")
-        raise RunFolderError(f"{folder}: has no scans, but {kind!r}; accepted: what `rollout --record scans` wrote")
+        raise RunFolderError(f"{folder}: has no scans, but {kind!r}; accepted: a folder of `rollout --record scans`")
     numbers = store.written()
     if not numbers:
         raise RunFolderError(f"{folder}: no chunk is finished; accepted: one or more, which the same command drives")

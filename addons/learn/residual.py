@@ -68,7 +68,7 @@ class Residual:
         posed = [name for name, _ in choice.settings if name in POSE_SETTINGS]
         if posed:
             said = f"residual has the planner {self.planner!r} with the setting {posed[0]}"
-            raise SettingsError(f"{said}; accepted: its own settings, as it is told neither a pose nor a map")
+            raise SettingsError(f"{said}; accepted: its own settings; it gets neither a pose nor a map")
         try:
             kind = choice.load()
         except ControllerError as error:

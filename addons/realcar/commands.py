@@ -245,7 +245,7 @@ def export_command(options: argparse.Namespace) -> int:
 
 @command(
     _BAG,
-    option("--map", "write the map of its scans, with a PNG beside it", "FILE.yaml", Path),
+    option("--map", "write the map of its scans, and its PNG", "FILE.yaml", Path),
     option("--resolution", f"of the map's cells [m]; default: {RESOLUTION}", "M", number, RESOLUTION),
     option("--match", "also correct poses by the scans if they are not known to drift"),
     _SCAN_TOPIC,

@@ -333,7 +333,7 @@ class ScanFaults:
             said.append(f"no scans in {len(self._gaps) - _TOLD} more gaps")
         if len(self._beams) > 1:
             (first, _), (other, number) = self._beams[:2]
-            said.append(f"scans have {first} beams, and {other} from number {number} on; each is read as it is")
+            said.append(f"scans have {first} beams, and {other} from number {number} on; each is read")
         if self._off > 1.5:
             said.append(f"angle_max is {self._off:.3g} beams off; angle_min, angle_increment and the beams count")
         if self._beyond:

@@ -444,14 +444,14 @@ def extend_path(geometry: Record, odometry: Record, driver: Record, memory: Reco
 MEAN_RANGE_STAGE = Stage(text="speed law: slower where the mean range towards the goal is short")
 DISTANCE_AHEAD_STAGE = Stage(text="speed law: slower where the distance straight ahead is short")
 FRICTION_LAW_STAGE = Stage(
-    text="speed law: v = sqrt(g mu b / tan|d|) of the steering angle, and nothing besides", needs_friction=True
+    text="speed law: v = sqrt(g mu b / tan|d|) of the steering angle only", needs_friction=True
 )
 PREDICTION_STAGE = Stage(
-    text="tracks what moves, and keeps out of where it may be", needs=("safety_filter",), needs_friction=True,
+    text="tracks moving things, and avoids where they may be", needs=("safety_filter",), needs_friction=True,
     before_reference=predict,
 )  # fmt: skip
 GUIDANCE_STAGE = Stage(
-    text="closes the way back, and leads the car round where the planner turns back", needs=("limiter",),
+    text="closes the way back; leads the car on if the planner would turn back", needs=("limiter",),
     needs_friction=True, guide=guide_reference,
 )  # fmt: skip
 SIGHT_STAGE = Stage(

@@ -65,7 +65,7 @@ class DrivingSettings(Settings):
     full_speed_distance: float = setting_of_method(
         10.0, 1.5, "m", "distance_ahead: full speed beyond it; as the only law it has to slow the car for bends, too"
     )
-    lookahead: float = setting(10.0, "m", "mean_range: what lies beyond counts as no farther", POSITIVE)
+    lookahead: float = setting(10.0, "m", "mean_range: longer readings count as this", POSITIVE)
     mean_range_gain: float = setting_of_method(
         1.0, 3.0, "", "mean_range: full speed at a mean range of lookahead / gain", POSITIVE
     )
@@ -78,7 +78,7 @@ class DrivingSettings(Settings):
     )
     pursuit_time: float = setting(0.0, "s", "the same point is at least the way of this time ahead", FROM_ZERO)
     method: Literal["", "source", "refined"] = setting(
-        "", text="source: the planner's source to the letter, the default without sight; refined: what is better here"
+        "", text="source: exactly the planner's source, the default without sight; refined: with improvements"
     )
     steering: Literal["arc", "bearing"] = setting_of_method(
         "bearing", "arc", "", "to the goal: along an arc, or by its bearing as the steering angle"

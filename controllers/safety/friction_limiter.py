@@ -85,7 +85,7 @@ class FrictionLimiterSettings(Settings):
         0.9, "", "share of lateral_use while the car is too fast for the reference steering angle", SHARE
     )
     least_lateral_use: float = setting(
-        0.5, "", "share of lateral_use while the car is too fast by `overspeed` for what it sees", SHARE
+        0.5, "", "share of lateral_use while the car is too fast by `overspeed`", SHARE
     )
     overspeed: float = setting_of_car(0.7, "m/s", "see least_lateral_use", POSITIVE)
     turn_in_use: float = setting(0.5, "", "share of what cornering leaves, for turning the wheels in or out", SHARE)

@@ -33,9 +33,9 @@ class RecoverySettings(Settings):
     """
 
     patience: float = setting(
-        2.5, "s", "the car stands before the first attempt: what is in its way may move on", POSITIVE
+        2.5, "s", "the car stands before the first attempt; an obstacle may move on", POSITIVE
     )
-    patience_known: float = setting(0.8, "s", "the same where a frontier is known and nothing moves", POSITIVE)
+    patience_known: float = setting(0.8, "s", "the same if a frontier is known and nothing moves", POSITIVE)
     patience_again: float = setting(0.45, "s", "the same before later attempts", POSITIVE)
     distance: float = setting_of_car(
         1.5, "m", "of the first attempt; twice as far the second time, and so on", POSITIVE

@@ -258,4 +258,4 @@ def _addons_text() -> str:
         of_addons.setdefault(place.split(".")[2], []).append(name)
     width = max(map(len, of_addons), default=0)
     lines = [f"  {addon:<{width}}  {', '.join(names)}" for addon, names in of_addons.items()]
-    return "\n".join(["commands of add-ons:", *lines, "", "fg-mujoco COMMAND --help says what a command does."])
+    return "\n".join(["commands of add-ons:", *lines, "", "fg-mujoco COMMAND --help explains a command."])

@@ -53,7 +53,7 @@ _MIB = 2**20
     ),
     out_options(STUDY, "keep the results here; the same command continues an unfinished folder"),
     option(
-        "--memory-budget", f"of what is recorded and being driven; default: {Executor.memory_budget // _MIB}", "MIB",
+        "--memory-budget", f"memory of records and running worlds; default: {Executor.memory_budget // _MIB}", "MIB",
         whole, Executor.memory_budget // _MIB,
     ),
     option("--chunk", f"worlds that a worker drives together; default: {Executor.chunk}", "N", whole, Executor.chunk),

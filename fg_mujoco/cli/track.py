@@ -120,7 +120,7 @@ def _export(options: argparse.Namespace) -> int:
     option("file", "a centreline, a raceline or a boundary, with settings in brackets as --track takes them", "FILE"),
     option("out", "the CSV", "FILE.csv", Path),
     option("--raceline", "write s, x, y, psi, kappa and the speeds, in place of a centreline with widths"),
-    option("--line", "of a file of several lines, the one of this name or a part of it", "NAME"),
+    option("--line", "line of this name, or with this in its name, in a file of several lines", "NAME"),
     FORCE,
 )
 def _convert(options: argparse.Namespace) -> int:

@@ -60,5 +60,5 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
             obstacles=solids_of(definition["obstacles"]), moving=moving,
         )  # fmt: skip
     raise TrackError(
-        f"course {name!r} is made of {', '.join(definition)}; accepted: what a Track or a Scene is made of"
+        f"course {name!r} is made of {', '.join(definition)}; accepted: the parts of a Track or a Scene"
     )

@@ -178,7 +178,7 @@ class ActionReader:
             world, part = divmod(bad, 2)
             raise MessageError(
                 f"the action's {action_names(self.bounds)[part]} is nan in world {world} of {len(self.previous)}; "
-                "accepted: numbers (what is out of bounds is held within them)"
+                "accepted: numbers (they are clipped to the bounds)"
             )
 
     def read(

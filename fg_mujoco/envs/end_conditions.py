@@ -50,7 +50,7 @@ class EndCondition:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in _TAKEN:
             taken = ", ".join(_TAKEN[1:])
-            raise SettingsError(f"an end condition is called {shown(self.name)}; accepted: one word besides {taken}")
+            raise SettingsError(f"an end condition is called {shown(self.name)}; accepted: one word other than {taken}")
         if not callable(self.function):
             raise SettingsError(f"end condition {self.name!r} is {shown(self.function)}; accepted: a function")
         if self.outcome not in OUTCOMES:

@@ -218,7 +218,7 @@ class Episodes:
         if touching.any():
             bad = starts[int(touching.argmax())]
             said = f"at {bad} the car touches a wall or an obstacle, or is beyond the walls"
-            raise SettingsError(f"{said}; accepted: a start where it does not")
+            raise SettingsError(f"{said}; accepted: another start")
 
     def _note(self, world: int, draw: EpisodeDraw, start: Start) -> None:
         """Keep what was drawn for an episode of a world, as facts of its agents."""

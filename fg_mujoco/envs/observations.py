@@ -103,7 +103,7 @@ class ObservationTerm:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in SENSED:
             raise SettingsError(
-                f"an observation is called {shown(self.name)}; accepted: one word besides {', '.join(SENSED)}"
+                f"an observation is called {shown(self.name)}; accepted: one word other than {', '.join(SENSED)}"
             )
         if not callable(self.function):
             raise SettingsError(f"observation {self.name!r} is {shown(self.function)}; accepted: a function")

@@ -80,8 +80,8 @@ class MismatchExperiment:
             figures=(
                 Figure(
                     name="knee",
-                    caption="Best flying lap over that of a planner that is right, greatest sliding speed, and share "
-                    "of the time in which a tire slides, over the ratio of the planner's friction to the tires'. "
+                    caption="Best flying lap over that of a planner with the right friction, greatest sliding speed, "
+                    "share of the time in which a tire slides, over the ratio of the planner's friction to the tires'. "
                     f"Dashed line: limit of sliding, {slides_above(DEFAULT_TIRES)} m/s. A cross is a crash.",
                     draw=lambda figure: _draw(figure, laps),
                     height=4.6,
@@ -130,7 +130,7 @@ def _sentences(laps: list[Row], knees: list[Row]) -> tuple[list[str], list[tuple
             else "Somewhere tires slide already at the least ratio that was tried: no margin is safe."
         )
         sentences.append(
-            f"Tires begin to slide where the planner assumes {spread} times their friction, first on "
+            f"Tires begin to slide when the planner assumes {spread} times their friction, first on "
             f"{first['track']} at mu {first['mu']:g}. {safe}"
         )
         expected.append(("knee: planner-mu over tire-mu where a tire first slides", "above 1", spread))

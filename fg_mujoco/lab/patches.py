@@ -72,7 +72,7 @@ class PatchesExperiment:
             f"The friction that acts on a patch is {ratio.min():.3f} to {ratio.max():.3f} times the one asked for (a "
             f"car that slides sideways). A car on a circle of {_RADIUS:g} m runs wide from {from_k.min():.3f} to "
             f"{from_k.max():.3f} times sqrt(g mu R) of the patch; its lateral acceleration beyond is "
-            f"{beyond.min():.3f} to {beyond.max():.3f} mu g. In braking the rear axle lets go at {brake.min():.3f} to "
+            f"{beyond.min():.3f} to {beyond.max():.3f} mu g. In braking the rear axle slides at {brake.min():.3f} to "
             f"{brake.max():.3f} times its closed form.",
             f"No geom does that: where {ways[0]['asked_mu']:g} was asked for there acted {wrong}. A raised geom has "
             f"the right friction, and an edge that loads a tire {_of(ways, 'raised', 'edge_load_ratio'):.1f} times as "
@@ -217,7 +217,7 @@ def _draw_acting(figure: matplotlib.figure.Figure, acting: list[Row], ways: list
     measured(left, asked, column(acting, "acting_ratio"), "sliding sideways", colour=COLOURS[0])
     measured(left, asked, column(acting, "runs_wide_from_k") ** 2, "circle: onset, k²", colour=COLOURS[1])
     measured(left, asked, column(acting, "lateral_ratio"), f"circle at k = {_BEYOND:g}: v²/R", colour=COLOURS[2])
-    measured(left, asked, column(acting, "brake_onset"), "braking: rear axle lets go", colour=COLOURS[3])
+    measured(left, asked, column(acting, "brake_onset"), "braking: rear axle slides", colour=COLOURS[3])
     left.set_ylim(0.9, 1.1)
     finish(left, "friction asked for [-]", "acting, over asked for [-]")
     names = [str(row["way"]) for row in ways]

@@ -49,7 +49,7 @@ class Skidpad:
     """See the module."""
 
     name = "skidpad"
-    title = "Steady circles: where the tires let go"
+    title = "Steady circles: where the tires slide"
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each set of tires, friction, steering and side."""
@@ -294,7 +294,7 @@ def _draw_k(figure: matplotlib.figure.Figure, tires: str, onsets: list[Row]) -> 
         ):
             style.theory(axes, angles, closed, colour=colour)
             style.measured(axes, steering, column(rows, name), f"mu {mu:g}", colour=colour)
-    style.finish(left, "steering [rad]", "k where the tires let go [-]")
+    style.finish(left, "steering [rad]", "k where the axle is used up [-]")
     style.finish(right, "steering [rad]", "k where a tire slides [-]", legend=False)
 
 

@@ -154,7 +154,7 @@ def _race(
     raced.place(engine)
     if alone and engine.crashed[0]:
         raced.check_starts()  # says what is in the way
-        raise SettingsError(f"the car touches something at {raced.starts[0]}; accepted: a start where it does not")
+        raise SettingsError(f"the car touches something at {raced.starts[0]}; accepted: another start")
     history, control = History(engine), race_control(engine, names=names, rules=setup.rules)
 
     started = time.perf_counter()

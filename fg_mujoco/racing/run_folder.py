@@ -190,7 +190,7 @@ def remember_run(folder: Path) -> None:
 
 def remember_made(sha256: str) -> None:
     """Note in this user's cache, by an empty file, that this user made a file of a SHA-256."""
-    own = own_folder(_RACED, "what is made is not noted there, so `debug` and `train` need --trust")
+    own = own_folder(_RACED, "nothing is noted there, so `debug` and `train` need --trust")
     if own is not None:
         with suppress(OSError):
             (own / sha256).touch(mode=0o600)
@@ -198,7 +198,7 @@ def remember_made(sha256: str) -> None:
 
 def was_made_here(content: bytes) -> bool:
     """Return whether this user made a file with these contents, which `remember_made` has noted."""
-    own = own_folder(_RACED, "what is noted there is not believed")
+    own = own_folder(_RACED, "its notes are not used")
     try:
         status = ((own or Path()) / hashlib.sha256(content).hexdigest()).lstat()
     except OSError:

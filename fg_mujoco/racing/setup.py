@@ -184,13 +184,13 @@ class Setup:
         if keywords:
             if "entries" in of_race or len(self.entries) > 1:
                 name, value = next(iter(keywords.items()))
-                raise SettingsError(f"{name} is {shown(value)} beside entries; accepted: {name} of each Entry")
+                raise SettingsError(f"{name} is {shown(value)} together with entries; accepted: {name} of each Entry")
             of_race["entries"] = (_changed_entry(self.first, keywords),)
         if opponents is not None:
             first, *others = of_race.get("entries", self.entries)
             if ("entries" in of_race and others) or not _is_sequence(opponents):
                 said = f"opponents is {shown(opponents)}"
-                raise SettingsError(f"{said}; accepted: a list, and no other entries beside it")
+                raise SettingsError(f"{said}; accepted: a list, without other entries")
             of_race["entries"] = (first, *(as_opponent(each, first, index) for index, each in enumerate(opponents, 1)))
         for name in ("obstacles", "patches"):
             if name in of_race and of_race[name] is None:

@@ -287,7 +287,7 @@ def _inside(folder: Path) -> list[Path]:
         found += [path for name in names if is_file(path := Path(place) / name)]
         if len(found) > MOST_FILES:
             said = f"{folder}: has more than {MOST_FILES} files"
-            raise ControllerError(f"{said}; accepted: a planner whose attribute `files` says which it reads")
+            raise ControllerError(f"{said}; accepted: a planner whose attribute `files` lists its files")
     return sorted(found)
 
 

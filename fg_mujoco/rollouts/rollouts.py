@@ -262,7 +262,7 @@ def _seeds(n: int | None, seed: int, seeds: Any) -> NDArray[np.int64]:
         return world_seeds(seed, n or DEFAULT_WORLDS)
     given = np.asarray(seeds)
     if given.ndim != 1 or len(given) == 0 or given.dtype.kind not in "iu" or given.min() < 0 or given.max() >= 2**63:
-        raise SettingsError("seeds are not what is accepted: one row of whole numbers from 0, below 2^63")
+        raise SettingsError("seeds are not valid; accepted: one row of whole numbers from 0, below 2^63")
     if n is not None and n != len(given):
         raise SettingsError(f"n is {n} and there are {len(given)} seeds; accepted: one of them, or as many")
     return given.astype(np.int64)

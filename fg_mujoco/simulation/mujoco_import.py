@@ -65,7 +65,7 @@ def _refuse(error: Exception) -> NoReturn:
     python, accepted = shlex.quote(sys.executable or "python3"), "mujoco>=" + ".".join(map(str, _LEAST))
     commands = ("uninstall -y mujoco mujoco-core mujoco-studio", f"install '{accepted},<{_BEYOND[0]}'")
     why = " ".join(f"{type(error).__name__}: {error}".split())
-    said = f"MuJoCo cannot be used: {why}; to install it anew: " + " && ".join(f"{python} -m pip {c}" for c in commands)
+    said = f"MuJoCo cannot be used: {why}; install it again: " + " && ".join(f"{python} -m pip {c}" for c in commands)
     if Path(*sys.argv[:1]).stem == "fg-mujoco" or sys.orig_argv[1:3] == ["-m", "fg_mujoco"]:
         print("fg-mujoco:", said, file=sys.stderr)
         sys.exit(2)

@@ -173,7 +173,7 @@ class CarSettings:
     )
     patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
     sensors: Sequence[Sensor | str | Mapping[str, Any]] = setting(
-        (), "a sensor besides LiDAR and odometry, {names}, or path/to/file.py:Class; sensor=NAME,rate=100,noise_std=.1 "
+        (), "a further sensor: {names}, or path/to/file.py:Class; sensor=NAME,rate=100,noise_std=.1 "
         "with settings; again for each", "NAME", "sensors",
     )  # fmt: skip
     floor: Any = setting(

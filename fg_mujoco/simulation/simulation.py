@@ -76,7 +76,7 @@ class Simulation(Suggesting, Uncopied):
             raise SettingsError(f"Simulation is given {shown(world)}; accepted: a World, such as World('oval')")
         if len(others) != len(world.cars) - 1:
             said = f"settings of {len(others)} other cars for a world of {len(world.cars)} cars"
-            raise SettingsError(f"{said}; accepted: one for each car besides car 0")
+            raise SettingsError(f"{said}; accepted: one for each car but car 0")
         self.world, self._others = world, tuple(others)
         self.engine = engine or Engine(world, own_model=True)
         self.data = mujoco.MjData(world.model) if data is None else data

@@ -263,7 +263,7 @@ def _text_of(
         which = re.search(rf"mesh '{OBSTACLE_PREFIX}(\d+)'", str(error))
         if which is None:
             raise
-        said = f"obstacle {which[1]} is {shown(obstacles[int(which[1])])}, of which MuJoCo makes no solid"
+        said = f"obstacle {which[1]} is {shown(obstacles[int(which[1])])}, which MuJoCo cannot make a solid"
         raise SettingsError(f"{said}; accepted: a larger one, or one nearer to the world's origin") from error
 
 

@@ -201,7 +201,7 @@ def _driven(model: mujoco.MjModel, servo: int, steering: int, lock: float) -> tu
     time_constant = (after - 1 + within) * timestep - float(alone.actuator_delay[servo])
     if not (after > 0 and 0.0 < time_constant < np.inf and 0.0 < rate < np.inf):
         raise ModelError(
-            f"the steering does not turn as it is commanded within {_WATCHED:g} s; accepted: a position servo that does"
+            f"the steering does not reach its command within {_WATCHED:g} s; accepted: a position servo that does"
         )
     greatest = lock if reached >= _ENDS * gain * lock else reached / gain  # six digits: the same among other bodies
     return float(f"{greatest:.6g}"), float(f"{rate:.6g}"), float(f"{time_constant:.6g}")

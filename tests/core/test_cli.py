@@ -41,7 +41,7 @@ def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(her
     def full(*_):
         raise SettingsError("a.mp4: cannot be written: No space left on device")
 
-    monkeypatch.setattr("fg_mujoco.cli.render.check_film", lambda path: None)
+    monkeypatch.setattr("fg_mujoco.cli.render.check_film", lambda *_: None)
     monkeypatch.setattr("fg_mujoco.cli.render.film_race", full)
     assert main(["race", "--time-limit", "0.5", "--out", "run", "--video", "a.mp4"]) == 1
     shown = capsys.readouterr()

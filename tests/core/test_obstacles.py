@@ -77,7 +77,7 @@ SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 
 def test_a_solid_that_mujoco_cannot_make_is_refused():
     box = fg.Box(x=8.0, y=1e6, length=0.01, width=0.01)
-    with pytest.raises(fg.SettingsError, match=r"^obstacle 0 is Box\(.*, of which MuJoCo makes no solid; accepted: "):
+    with pytest.raises(fg.SettingsError, match=r"^obstacle 0 is Box\(.*, which MuJoCo cannot make a solid; accepted: "):
         fg.World("oval", obstacles=(box,))
 
 

@@ -357,8 +357,8 @@ CALLS = {
     "given twice": [
         *((lambda door=door: door(**FAST), TWICE) for door in (Scenario, Setup.of, EnvironmentSettings, rollout)),
         (lambda: Setup.of(mu=0.5, changes={"mu": 0.6}), "accepted: one of them, or the same twice"),
-        (lambda: Setup.of(entries=[fg.Entry()], mu=0.5), "mu is 0.5 beside entries; accepted: mu of each Entry"),
-        (lambda: Setup.of(entries=[fg.Entry()] * 2, opponents=["gap_finder"]), "accepted: a list, and no other"),
+        (lambda: Setup.of(entries=[fg.Entry()], mu=0.5), "mu is 0.5 together with entries; accepted: mu of each Entry"),
+        (lambda: Setup.of(entries=[fg.Entry()] * 2, opponents=["gap_finder"]), "accepted: a list, without other"),
         (lambda: Setup.of(lidar_noise=0.1, effects=fg.LidarEffects()), "lidar_noise and effects are given"),
         (lambda: fg.race("oval", **IN_BRACKETS), "lookahead is given in the brackets of .* and in planner_settings"),
         (lambda: rollout(**IN_BRACKETS), "lookahead is given in the brackets of .* and in planner_settings"),

@@ -14,7 +14,7 @@ from fg_mujoco.pictures.pages.table import Table
 from .card import Card, recorded
 
 _BODY = """<h1>{title}</h1><p class="result">{suite}</p>{figures}
-<h2>Beside the bundled planners</h2>{beside}{legend}
+<h2>With the bundled planners</h2>{beside}{legend}
 {assists}
 """
 _BAR = 220.0  # [px] of 100 %

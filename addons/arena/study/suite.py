@@ -262,7 +262,7 @@ def _tables(values: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
 def _require_known(values: Mapping[str, Any], keywords: Sequence[str], others: Sequence[str], what: str) -> None:
     for name in values:
         if name in NOT_OF_A_SUITE:
-            raise SettingsError(f"{name} is of the planner; accepted: what all planners are driven in")
+            raise SettingsError(f"{name} is of the planner; accepted: settings for all planners")
         if name not in keywords:
             raise SettingsError(f"{name} is no setting of {what}; {accepted_names(name, (*others, *keywords))}")
 

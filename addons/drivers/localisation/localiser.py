@@ -48,9 +48,9 @@ class PoseSettings(Settings):
         "truth", text="that the planner drives by: the true one, or one found on the map"
     )
     pose_start: Literal["given", "unknown"] = setting(
-        "given", text="whether it is told where it starts, to 0.1 m and 3 degrees, or has to find that"
+        "given", text="whether the start is known, to 0.1 m and 3 degrees, or has to be found"
     )
-    pose_map: str = setting("", text="the path of a map that the planner is told in place of the course")
+    pose_map: str = setting("", text="path of a map that the planner gets in place of the course")
     particles: int = setting(
         2000, "", "of the filter, at most, once the car is found",
         Accepted(f"a whole number from {LEAST} to {MOST_PARTICLES}", lambda value: LEAST <= value <= MOST_PARTICLES),
@@ -140,7 +140,7 @@ class Localiser:
         if settings.pose == "truth":
             raise SettingsError("pose is 'truth'; accepted: particle_filter, scan_matching")
         if map_line is None:
-            raise SettingsError(f"pose is {settings.pose!r} and there is no map; accepted: where there is one")
+            raise SettingsError(f"pose is {settings.pose!r} and there is no map; accepted: a course with a map")
         field, rng = DistanceField.of(map_line), np.random.default_rng([seed, 0x706F7365])
         method: Any = ParticleFilter(field, rng, settings.particles)
         if settings.pose == "scan_matching":

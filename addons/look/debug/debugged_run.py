@@ -121,7 +121,7 @@ def _planner(
         )
     except (FgMujocoError, KeyError, OSError, TypeError, ValueError) as error:
         why = " ".join(str(error).split())
-        notes.append(f"The scans and commands are shown without what the planner made of them: {why}.")
+        notes.append(f"The page has scans and commands, without the planner's work: {why}.")
         return None
 
 

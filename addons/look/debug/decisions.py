@@ -273,7 +273,7 @@ class Witness:
             with _its_prints_aside():
                 return ask()
         except Exception as error:  # its code is not ours
-            self._remark(f"what the planner says of its work cannot be read: {one_line(error)}")
+            self._remark(f"the planner's methods for this page fail: {one_line(error)}")
             return otherwise
 
     def _remark(self, text: str) -> None:

@@ -169,7 +169,7 @@ def events(events: Sequence[SlideEvent], model: str) -> Html:
     header = ("time [s]", "for [ms]", "lap", "progress [m]", "tire", "car [m/s]", "greatest [m/s]")
     listed = Table(header=header, rows=rows, times=[event.start for event in events[:_MOST_EVENTS]])
     more = f" The first {_MOST_EVENTS} are listed." if len(events) > _MOST_EVENTS else ""
-    said = f"{len(events)} times a tire slid, {sliding_rule(model)}.{more} A click shows where."
+    said = f"{len(events)} times a tire slid, {sliding_rule(model)}.{more} A click shows the place."
     return escaped([note(said), scroll(listed.html())])
 
 

@@ -180,7 +180,7 @@ class DriveColumns:
             )
         require(self, lambda value: abs(value) <= FURTHEST, f"{FURTHEST:g} m at most", ("pose_ahead",), SettingsError)
         if self.speed_command is not None and self.acceleration_command is not None:
-            raise SettingsError("speed_command and acceleration_command are given; accepted: what the car is sent")
+            raise SettingsError("speed_command and acceleration_command are given; accepted: the one that the car gets")
         for group in _TOGETHER:
             there = [name for name in group if getattr(self, name) is not None]
             if there and len(there) < len(group):

@@ -78,7 +78,7 @@ def disagreement(
             ratio = driven / float(steps.sum())
             for unit, factor in (("km/h", 3.6), ("mm/s", 1e3), ("cm/s", 1e2)):
                 if abs(math.log(ratio / factor)) < _NEAR:
-                    return "speed", f"is {ratio:.3g} times what the poses say; it looks like {unit}"
+                    return "speed", f"is {ratio:.3g} times that of the poses; it looks like {unit}"
             if abs(math.log(ratio * 1e3)) < _NEAR:
                 return "x", f"moves {1.0 / ratio:.3g} times as far as the speed says; it looks like mm"
         signed = np.where(goes_on, np.diff(np.unwrap(yaw)), 0.0)
@@ -86,7 +86,7 @@ def disagreement(
         steady = turns < 1.0
         turned, by_gyro = float(turns[steady].sum()), float(np.abs(yaw_rate[:-1]) @ seconds)
         if turned > 1.0 and by_gyro > 0.0 and abs(math.log(by_gyro / turned / (180.0 / math.pi))) < _NEAR:
-            return "yaw_rate", f"is {by_gyro / turned:.3g} times what the poses say; it looks like deg/s"
+            return "yaw_rate", f"is {by_gyro / turned:.3g} times that of the poses; it looks like deg/s"
         if turned > 1.0 and _cosine(signed[steady], (yaw_rate[:-1] * seconds)[steady]) < _OPPOSITE:
             return "yaw_rate", f"turns the other way than the poses; {_TO_THE_RIGHT}"
     moving = (np.abs(speed) > 1.0) & (np.abs(yaw_rate) > 0.1)

@@ -189,7 +189,7 @@ class Identification:
         lines += [f"  {name:<21}{text}" for name, text in self.speed_lines()]
         for name, text in self.untold.items():
             lines.append(f"  not told: {name}: {text}")
-        lines.append("  the mass itself is told by no motion without forces, and stays the vehicle's")
+        lines.append("  no motion without forces determines the mass: it stays the vehicle's")
         if self.fit.stopped:
             lines.append(f"  partial: {self.fit.stopped}; its intervals are those of that part")
         kind = "held out" if self.hold_out else "held back"

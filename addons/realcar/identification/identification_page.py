@@ -165,7 +165,7 @@ def _sources(found: Identification) -> Html:
          f"{car.front_axle_distance:.4g} m behind the front axle and {car.rear_axle_distance:.4g} m ahead of the rear "
          f"one, {car.center_of_gravity_height:.4g} m over the ground"),
         ("steering", "commands" if found.drives[0].commanded else "measured angles"),
-        ("inverse dynamics alone", f"yaw rate of what was held back: within "
+        ("inverse dynamics alone", f"yaw rate on held-out data: within "
          f"{100.0 * found.inverse_validation.yaw_rate_relative:.3g} % rms"),
     ]  # fmt: skip
     return names_and_values(rows)

@@ -31,10 +31,10 @@ def tire_text(found: Identification) -> str:
         f"Car: {car.mass:.4g} kg, {car.yaw_inertia:.4g} kg m^2 about its vertical axis; centre of gravity "
         f"{car.front_axle_distance:.4g} m behind the front axle, {car.rear_axle_distance:.4g} m ahead of the rear one, "
         f"{car.center_of_gravity_height:.4g} m over the ground.",
-        f"Yaw rate of what was held back: within {relative:.3g} % rms, over {found.validation.seconds:.3g} s.",
+        f"Yaw rate on held-out data: within {relative:.3g} % rms, over {found.validation.seconds:.3g} s.",
         *(f"Steering, {name}: {estimate}{unit}" for name, estimate, unit in steering),
         "In brackets: the unit, then 95 % intervals, from the spread between segments and the model's errors.",
-        *(f"Not told by the drives, and so no more than usual: {name}: {why}" for name, why in found.untold.items()),
+        *(f"Not determined by the drives, usual values: {name}: {why}" for name, why in found.untold.items()),
         *([f"Partial: {found.fit.stopped}"] if found.fit.stopped else []),
     ]
     lines = [f"# {comment(line)}" for line in heading]

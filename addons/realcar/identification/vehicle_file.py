@@ -58,7 +58,7 @@ def vehicle_text(found: Identification, vehicle: Vehicle, *, name: str, tires: s
         f"{name}: the vehicle {vehicle.name} with what `fg-mujoco identify` found (see docs/addons/realcar/).",
         *(f"Drive: {Path(drive.name).name} (sha256 {drive.sha256[:12]})" for drive in found.drives),
         *notes,
-        *(f"Not told by the drives, and so the vehicle's: {each}." for each in found.untold),
+        *(f"Not determined by the drives, the vehicle's values: {each}." for each in found.untold),
     ]
     root.insert(0, ElementTree.Comment(xml_comment(heading)))
     root[0].tail = "\n  "
@@ -108,7 +108,7 @@ def _steering(root: ElementTree.Element, found: Identification, vehicle: Vehicle
     for name, value in _STOP.items():
         joint.set(name, value)
     return [
-        f"Steering: the angle of the wheels = {found.steering_gain} times what the servo is sent, plus "
+        f"Steering: the angle of the wheels = {found.steering_gain} times the servo's command, plus "
         f"{found.steering_offset} rad; lag {found.steering_lag} s, delay {found.steering_delay} s."
     ]
 

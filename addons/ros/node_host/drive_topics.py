@@ -139,7 +139,7 @@ class Driving:
             if wanted and getattr(self._graph.newest.get(each.topic), "data", True):
                 self._reset_told = True
                 said = f"{self._said()} has published on {each.topic}{each.place}"
-                warnings.warn(f"{said}: a race has no reset, and the car stays where it is", stacklevel=3)
+                warnings.warn(f"{said}: a race has no reset; the car does not move", stacklevel=3)
 
     def _of_one(self, message: Any, topic: Publication) -> tuple[tuple[float, float], str]:
         """Return speed and angle of a message, and what in it is no number: nothing, or name, value and topic."""

@@ -265,7 +265,7 @@ def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
         if values[0] not in range(len(LAWS)) or len(values) != 1 + 2 * len(keys) + len(AXLE_KEYS):
             raise ModelError(
                 f"numeric {model.numeric(index).name!r} is not that of tires of this version; accepted: a model that "
-                "World writes, or a run that is raced anew"
+                "World writes, or a run that is raced again"
             )
         lateral, longitudinal = (
             law(**dict(zip(keys, values[1 + k * len(keys) :], strict=False))) for k in range(2)
@@ -311,7 +311,7 @@ def _of(table: Mapping[str, Any], where: str) -> Tires:
     _known(table, ("name", "model", "floor", *_AXLES), where)
     model, floor = table.get("model"), table.get("floor", "")
     if not isinstance(floor, str):
-        raise SettingsError(f"{where}: floor is {floor!r}; accepted: the name of a floor, or where it was, in words")
+        raise SettingsError(f"{where}: floor is {floor!r}; accepted: the name of a floor, or a description")
     if model not in MODELS:
         raise SettingsError(f"{where}: model is {model!r}; {accepted_names(model, MODELS)}")
     axles: dict[str, AxleTires] = {}

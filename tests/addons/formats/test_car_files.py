@@ -63,11 +63,11 @@ BUILT = {
     "car.urdf": {"m": 3.6, "lr": (3.2 * 0.15 + 0.2 * 0.32) / 3.6, "length": 0.5, "width": 0.28},
 }
 SAID = {
-    "params.yaml": ["width 0.31 m: not told, f1tenth's", "brush tires of C_Sf, C_Sr and mu of params.yaml"],
-    "vesc.yaml": ["mass 3.74 kg: not told", "greatest speed 6 m/s: speed_max and the gain", "mu 1.0489: not told"],
+    "params.yaml": ["width 0.31 m: not given, f1tenth's", "brush tires of C_Sf, C_Sr and mu of params.yaml"],
+    "vesc.yaml": ["mass 3.74 kg: not given", "greatest speed 6 m/s: speed_max and the gain", "mu 1.0489: not given"],
     "NUC2": ["wheelbase 0.32 of vesc.yaml is not used", "not used: C_acc, a_min", "force behind the peak"],
     "slipx": ["wheel_radius 0.05 of dynamics.yaml is not used", "Magic Formulas of sponge.yaml"],
-    "car.urdf": ["mass 3.6 kg: the links", "greatest steering angle 0.4189 rad: not told, f1tenth's"],
+    "car.urdf": ["mass 3.6 kg: the links", "greatest steering angle 0.4189 rad: not given, f1tenth's"],
 }
 TIRES = {"params.yaml": "brush", "vesc.yaml": "coulomb", "NUC2": "magic_formula", "slipx": "magic_formula",
          "car.urdf": "coulomb"}  # fmt: skip
@@ -136,13 +136,13 @@ def test_what_is_not_this_car_s_is_said_and_not_used(folder):
     assert "the wheelbase of 0.25 m that every vesc.yaml has" in words
     assert "a second speed_max of 5" in words and own["v_max"] == pytest.approx(6.0)
     assert "length 0.32 of a.json is not used: the axles are 0.33 m apart" in words
-    assert "Cf 2.3 is not used: B and D are not told" in words
+    assert "Cf 2.3 is not used: B and D are not given" in words
 
 
 def test_the_command_writes_a_vehicle_that_drives_alike_and_a_page(folder, capsys):
     write(folder, "NUC2", FILES["NUC2"])
     assert main(["car", "NUC2", "--out", "mine"]) == 0
-    assert "greatest steering rate 3.2 rad/s: not told" in capsys.readouterr().out
+    assert "greatest steering rate 3.2 rad/s: not given" in capsys.readouterr().out
     laps = [fg.race("oval", "gap_finder", vehicle=each, laps=1).car.lap_times_s for each in ("NUC2", "mine/NUC2.xml")]
     assert laps[0] == laps[1]
     page = (folder / "mine/NUC2.html").read_text()
@@ -183,7 +183,7 @@ def test_a_car_that_cannot_be_loaded_leaves_what_was_there(folder, monkeypatch, 
         ("a.yaml", {"m": math.nan}, "m is nan; accepted: 0.1 to 5000 kg"),
         ("a.yaml", {"m": 3740.0}, "no such car can be built: m is 3740 kg"),
         ("a.yaml", {"rate": 3}, "tells nothing of a car; accepted: names as m, lf"),
-        ("a.yaml", {"m": 3.7, "Bf": 5.0, "mu": 1.0}, "of the Magic Formulas is not told Cf, Df"),
+        ("a.yaml", {"m": 3.7, "Bf": 5.0, "mu": 1.0}, "the Magic Formulas lack Cf, Df"),
         ("a.yaml", {"m": 3.7, "mu": 0.9, "I": 0.0002}, "no such car can be built"),
         ("a.yaml", "m: [", "a.yaml: "),
         ("a.yaml", "m: 3\nm: 4", "line 2: the key 'm' is given twice"),

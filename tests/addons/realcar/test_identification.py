@@ -222,7 +222,7 @@ def test_a_gentle_drive_tells_the_stiffness_and_which_drive_would_tell_the_peaks
     assert "the peak needs about 0." in said
     assert "slaloms that grow" in said
     assert f"not told: front peak: {said}" in partial.summary()
-    assert "# Not told by the drives, and so no more than usual: front peak: " in tire_text(partial)
+    assert "# Not determined by the drives, usual values: front peak: " in tire_text(partial)
     found = identify_drives([gentle(20.0)], linear=True, front_drive=0.0, single_track=True)
     for axle, tire in ((found.front, TIRES[0]), (found.rear, TIRES[1])):
         assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
@@ -382,7 +382,7 @@ def test_the_identified_car_is_one_that_turns_its_wheels_as_it_was_found(found, 
     commands = fg.Commands(time=np.array([0.0, 1.5]), steering_angle=np.array([0.2, 0.2]), speed=np.array([1.0, 1.0]))
     angle = fg.drive(commands, vehicle=car).car.column("steering_angle_rad")[-1]
     assert angle == pytest.approx(0.2, abs=1e-3)
-    assert "Not told by the drives, and so the vehicle's: speed response." in car.text
+    assert "Not determined by the drives, the vehicle's values: speed response." in car.text
     assert "<!-- " in car.text and car.parameters.mass == base.parameters.mass
     again = write_vehicle(found, car, tmp_path / "again.xml", tires="f1tenth_gym")  # a car that was identified before
     assert fg.drive(commands, vehicle=again).car.column("steering_angle_rad")[-1] == pytest.approx(angle, abs=1e-6)

@@ -81,7 +81,7 @@ def test_clock_gyro_delays_and_steering_offset_are_found(tmp_path):
 @each("changes, said",
       [(lambda m: {"steering": np.degrees(m["steering"])}, "steering_rad: steering reaches .* looks like deg"),
        (lambda m: {"steering": 1500.0 + 500.0 * m["steering"]}, "ticks of a servo"),
-       (lambda m: {"speed": 3.6 * m["speed"]}, "speed_m_s: speed is .* times what the poses say; .* looks like km/h"),
+       (lambda m: {"speed": 3.6 * m["speed"]}, "speed_m_s: speed is .* times that of the poses; .* looks like km/h"),
        (lambda m: {"speed": 4614.0 * m["speed"]}, "looks like ticks or ERPM"),
        (lambda m: {"yaw_rate": np.degrees(m["yaw_rate"])}, "yaw_rate_rad_s: yaw_rate reaches .* looks like deg/s"),
        (lambda m: {"time": 1e3 * m["time"]}, "a row every 20 s; it looks like ms"),
