@@ -1,7 +1,7 @@
 """Add-ons: what a testbed does not need, each in a folder of its own that the core does not import.
 
     ros       nodes of ROS as planners, and the bags of runs
-    servers   nodes of ROS 2, Foxglove, rosbridge and AutoDRIVE's bridge
+    servers   nodes of ROS 2, Foxglove and AutoDRIVE's bridge
     gym2d     scripts that were written for f1tenth_gym
     learn     training, and policies from files
     arena     compare, overtake, league, study, bench; race control; scenes, tight circuits

@@ -1,1 +1,1 @@
-"""Servers that a race answers: `ros2`, `foxglove_server`, `rosbridge`, and `autodrive` for DevKits of AutoDRIVE."""
+"""Servers that a race answers: `ros2`, `foxglove_server`, and `autodrive` for DevKits of AutoDRIVE."""

@@ -1,4 +1,4 @@
-"""The commands `fg-mujoco serve`: races that DevKits of AutoDRIVE drive; live ones for Foxglove, rosbridge, ROS 2."""
+"""The commands `fg-mujoco serve`: races that DevKits of AutoDRIVE drive; live ones for Foxglove and ROS 2."""
 
 from __future__ import annotations
 
@@ -30,15 +30,6 @@ _RULES = "autodrive_2026"
 _MOST_RACES = 100  # that resets of a DevKit begin
 
 
-def _live_options(port: int, **helps: str) -> tuple[Part, ...]:
-    """Return the options of a live race that listens; `helps` are the texts of some of a Setup's."""
-    return (
-        *_race_options(**helps),
-        option("--host", "address to listen on; 0.0.0.0: all; default: 127.0.0.1, this machine alone", "ADDRESS"),
-        option("--port", f"to listen on; default: {port}", "N", whole, port),
-    )
-
-
 def _race_options(**helps: str) -> tuple[Part, ...]:
     """Return the options of a live race."""
     return (
@@ -63,10 +54,6 @@ def _serve(session: LiveSession, server: Any, options: argparse.Namespace, said:
     return 0
 
 
-def _serve_at_port(session: LiveSession, server: Any, options: argparse.Namespace, said: str) -> int:
-    return _serve(session, server, options, said, host=options.host or "127.0.0.1", port=options.port)
-
-
 def _driven_from_outside(options: argparse.Namespace) -> LiveSession:
     """Return a session whose car stands until a program drives it, unless a planner is asked for."""
     from fg_mujoco.addons.look.live.live_session import LiveSession
@@ -77,7 +64,11 @@ def _driven_from_outside(options: argparse.Namespace) -> LiveSession:
     return session
 
 
-@command(*_live_options(port=8765))
+@command(
+    *_race_options(),
+    option("--host", "address to listen on; 0.0.0.0: all; default: 127.0.0.1, this machine alone", "ADDRESS"),
+    option("--port", "to listen on; default: 8765", "N", whole, 8765),
+)
 def _foxglove(options: argparse.Namespace) -> int:
     """Serve a live race to Foxglove, which shows it, and may drive and change the car."""
     from fg_mujoco.addons.look.live.live_session import LiveSession
@@ -85,20 +76,11 @@ def _foxglove(options: argparse.Namespace) -> int:
     from .foxglove_server import FoxgloveServer, require_foxglove
 
     require_foxglove()
-    return _serve_at_port(LiveSession(setup_of(options)), FoxgloveServer, options, "in Foxglove: Open connection")
+    own = {"host": options.host or "127.0.0.1", "port": options.port}
+    return _serve(LiveSession(setup_of(options)), FoxgloveServer, options, "in Foxglove: Open connection", **own)
 
 
 _DRIVER = "planner that drives until a program does, as in race; default: the car stands until then"
-
-
-@command(*_live_options(port=9090, controller=_DRIVER))
-def _rosbridge(options: argparse.Namespace) -> int:
-    """Serve a live race to programs of roslibpy or roslibjs, which drive the car as on a robot, without ROS."""
-    from .rosbridge.network import require_rosbridge
-    from .rosbridge.server import RosbridgeServer
-
-    require_rosbridge()
-    return _serve_at_port(_driven_from_outside(options), RosbridgeServer, options, "for roslibpy and roslibjs")
 
 
 @command(
@@ -212,6 +194,6 @@ def _race_once(setup: Setup, devkits: Sequence[DevKit]) -> RaceResult:
 
 
 SERVE = Commands(
-    "race a car that another program drives or watches: ROS 2, Foxglove, roslibpy or roslibjs, an AutoDRIVE DevKit",
-    {"autodrive": _autodrive, "foxglove": _foxglove, "ros2": _ros2, "rosbridge": _rosbridge},
+    "race a car that another program drives or watches: ROS 2, Foxglove, an AutoDRIVE DevKit",
+    {"autodrive": _autodrive, "foxglove": _foxglove, "ros2": _ros2},
 )

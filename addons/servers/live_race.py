@@ -1,4 +1,4 @@
-"""A live race as ROS has it: topics that sensors publish on, topics that commands are taken from, and services.
+"""A live race as ROS has it: topics that sensors publish on, and topics that commands are taken from.
 
 Published are the topics of the node host (`node_host.sensing`) but AutoDRIVE's, by the same names, and
 
@@ -52,10 +52,6 @@ from fg_mujoco.messages import STOP, DriveCommand
 from fg_mujoco.simulation.planner_adapter import OtherCar
 
 from .client_commands import ACKERMANN, HELD, TWIST, TWIST_STAMPED, command_of, pose_of
-
-TRIGGER = "std_srvs/srv/Trigger"
-SERVICES = {"/reset": TRIGGER, "/pause": TRIGGER, "/step": TRIGGER} | dict.fromkeys(MAP_SERVICES, "nav_msgs/srv/GetMap")
-"""Services, with their types."""
 
 COMMANDS = {**dict.fromkeys(DRIVE_TOPICS, (DRIVE, ACKERMANN)), "/cmd_vel": (TWIST, TWIST_STAMPED)}
 PLACE, GOAL = "/initialpose", "/goal_pose"
@@ -190,27 +186,14 @@ class LiveRace:
             if self.step_on_drive:
                 self._step()
 
-    def call(self, service: str) -> dict[str, Any]:
-        """Do what one of SERVICES asks for, and return its response.
+    def reset(self) -> None:
+        """Begin the race again, and publish the moment at which the car stands there.
 
         Raises:
           MessageError: it cannot be done.
         """
-        session = self.session
-        if service in MAP_SERVICES:
-            return {"map": self.map}
-        if service == "/reset":
-            session.reset()
-            self._place()
-        elif service == "/pause":
-            session.paused = not session.paused
-        else:
-            paused, session.paused = session.paused, False
-            try:
-                self._step()
-            finally:
-                session.paused = session.paused or paused
-        return {"success": True, "message": "paused" if session.paused else ""}
+        self.session.reset()
+        self._place()
 
     def moment(self, topics: Collection[str]) -> dict[str, Any]:
         """Return the present messages of topics, encoded, in the order in which they are published: the scan last."""
@@ -261,7 +244,7 @@ class LiveRace:
     def _step(self) -> None:
         if not self.tick():
             paused = self.session.paused and self.session.failure is None
-            reason = "the race is paused: call /pause, or publish on /pause_sim" if paused else self.session.message
+            reason = "the race is paused; accepted: false on /pause_sim" if paused else self.session.message
             raise MessageError(f"no tick was driven: {reason}")
 
     def _place(self) -> None:

@@ -19,7 +19,6 @@ from fg_mujoco.addons.look.live.browser import require_viser
 from fg_mujoco.addons.realcar.identification.fit import require_scipy
 from fg_mujoco.addons.ros.bag_messages import require_ros_extra
 from fg_mujoco.addons.servers.ros2.participant import require_cyclonedds
-from fg_mujoco.addons.servers.rosbridge.network import require_rosbridge
 from fg_mujoco.course.maps.map_server import require_maps_extra
 from fg_mujoco.errors import install_command
 from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
@@ -48,7 +47,6 @@ def bare(monkeypatch):
         (require_maps_extra, "maps", "ROS maps need Pillow, PyYAML and SciPy"),
         (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
         (require_cyclonedds, "ros2", "a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy"),
-        (require_rosbridge, "rosbridge", "a server of rosbridge needs websockets, mcap, rosbags and SciPy"),
         (require_scipy, "ros", "identification needs SciPy"),
         (require_ray, "cluster", "rollouts on a cluster need Ray"),
         (require_onnxruntime, "policies", "policies in ONNX files need onnxruntime"),

@@ -19,7 +19,6 @@ from fg_mujoco.addons.look.live.browser import LiveView
 from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.servers.foxglove_server import FoxgloveServer
-from fg_mujoco.addons.servers.rosbridge.server import RosbridgeServer
 from fg_mujoco.envs.gym_environment import F1TenthEnv
 from fg_mujoco.racing.setup import Setup
 
@@ -211,16 +210,6 @@ def _live_server(samples, here, rng):
 
 # -- servers of races
 
-_CALL = b'{"op": "call_service", "id": "a", "service": "/rosapi/topic_type", "args": {"topic": "/scan"}}'
-_TO_ROSBRIDGE = (
-    b'{"op": "subscribe", "id": "s", "topic": "/scan", "type": "sensor_msgs/LaserScan", "throttle_rate": 50}',
-    b'{"op": "advertise", "topic": "/goal", "type": "geometry_msgs/PointStamped", "latch": true}', _CALL,
-    b'{"op": "publish", "topic": "/goal", "msg": {"header": {"stamp": {"secs": 3}}, "point": {"x": 1}}}',
-    b'{"op": "publish", "topic": "/drive", "msg": {"drive": {"speed": 1.5, "steering_angle": -0.1}}}',
-    b'{"op": "publish", "topic": "/initialpose", "msg": {"pose": {"pose": {"position": {"x": 1.0}}}}}',
-    b'{"op": "advertise_service", "service": "/twice", "type": "std_srvs/SetBool"}',
-    b'{"op": "call_service", "id": 7, "service": "/twice", "args": {"data": true}}',
-)  # fmt: skip
 _TO_FOXGLOVE = (
     b'{"op": "advertise", "channels": [{"id": 1, "topic": "/drive", "encoding": "json", "schemaName": ""}]}',
     b'{"op": "setParameters", "parameters": [{"name": "max_speed", "value": 3.5}], "id": "b"}',
@@ -232,21 +221,22 @@ _FROM_DEVKIT = (b'0{"sid":"a","upgrades":[],"pingInterval":25000,"pingTimeout":2
 
 
 @cache
-def _racing(kind):
+def _racing():
     """Start a server, once for a process."""
-    server = {"rosbridge": RosbridgeServer, "foxglove": FoxgloveServer}[kind](LiveSession(), port=0, log=print)
+    server = FoxgloveServer(LiveSession(), port=0, log=print)
     threading.Thread(target=server.run, daemon=True).start()
     atexit.register(server.close)
     return server
 
 
-def _peer(kind, texts, protocol, rng):
+def _peer(rng):
     """Return an attempt to talk nonsense to a server, which serves others all the same."""
-    port = _racing(kind).port
+    port, protocol = _racing().port, "foxglove.sdk.v1"
     head = _REQUEST.replace(b"{port}", str(port).encode()).replace(b"viser-v1.1.1", protocol.encode())
     if rng.random() < 0.2:
         head = mutated(head, rng)
-    said = [mutated(text, rng)[:60_000] if rng.random() < 0.7 else text for text in rng.permutation(texts).tolist()]
+    texts = rng.permutation(_TO_FOXGLOVE).tolist()
+    said = [mutated(text, rng)[:60_000] if rng.random() < 0.7 else text for text in texts]
     frames = b"".join(_frame(text, rng, (1, 1, 1, 1, 2, 0, 8, 9, 15)) for text in said)
 
     def talk():
@@ -257,8 +247,6 @@ def _peer(kind, texts, protocol, rng):
             peer.sendall(frames)
             peer.recv(4096)
         with connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], proxy=None) as peer:
-            if kind == "rosbridge":
-                peer.send(_CALL.decode())
             assert peer.recv(timeout=8.0)
         return 0
 
@@ -266,11 +254,8 @@ def _peer(kind, texts, protocol, rng):
 
 
 def _servers(samples, here, rng):
-    kind = one_of(rng, ("rosbridge", "foxglove", "autodrive"))
-    if kind == "rosbridge":
-        return _peer(kind, _TO_ROSBRIDGE, "rosbridge", rng)
-    if kind == "foxglove":
-        return _peer(kind, _TO_FOXGLOVE, "foxglove.sdk.v1", rng)
+    if rng.random() < 0.5:
+        return _peer(rng)
     greeting = [mutated(text, rng) if rng.random() < 0.3 else text for text in _FROM_DEVKIT[:2]]
     answers = [mutated(one_of(rng, _FROM_DEVKIT), rng) if rng.random() < 0.5 else _FROM_DEVKIT[-1] for _ in range(5)]
     as_they_are = rng.random() < 0.1

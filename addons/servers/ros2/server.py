@@ -3,7 +3,7 @@
     with Ros2Server(LiveSession(Setup.of("oval")), step_on_drive=True) as server:
         server.run()
 
-Topics are those of `live_race`, and /reset (std_msgs/Empty) and /pause_sim (std_msgs/Bool) in place of its services.
+Topics are those of `live_race`, and /reset (std_msgs/Empty) and /pause_sim (std_msgs/Bool).
 """
 
 from __future__ import annotations
@@ -257,7 +257,7 @@ class Ros2Server:
             except Exception as error:  # of bytes that are not what the type says
                 raise MessageError(f"{len(content)} bytes are no {kind}; accepted: its CDR") from error
             if topic == RESET:
-                self._race.call(RESET)
+                self._race.reset()
             elif topic == PAUSE:
                 self._race.session.paused = bool(message.data)
             else:

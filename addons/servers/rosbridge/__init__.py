@@ -1,1 +1,0 @@
-"""A live race for programs that speak rosbridge, the protocol of roslibpy and roslibjs."""
