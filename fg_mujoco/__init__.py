@@ -13,7 +13,10 @@ from types import FunctionType as _FunctionType
 from typing import TYPE_CHECKING
 from typing import Any as _Any
 
-from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
+from . import interrupts as _interrupts  # noqa: F401  # first: Ctrl-C may come from now on
+
+# isort: split
+from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # then: it chooses how pictures are drawn
 
 # isort: split
 from .arguments import explained as _explained

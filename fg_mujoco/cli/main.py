@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import signal
 import sys
 import threading
 import warnings
@@ -19,6 +18,7 @@ from typing import Any, NoReturn
 
 from ..course.formats import track_names
 from ..errors import FgMujocoError, FinalWarning, Note, SettingsError, accepted_names, nearest
+from ..interrupts import ended_in_order
 from ..racing.planners import controller_names, scheme_of
 from ..registry import Registry, added
 from .command import Command, Commands
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = None
     terminated = threading.Event()
     try:
-        with _warnings_in_a_line(), _ended_in_order(terminated):
+        with _warnings_in_a_line(), ended_in_order(terminated):
             given = sys.argv[1:] if arguments is None else arguments
             parser = _parser(texts=given[:1] in (["-h"], ["--help"]))
             if "_ARGCOMPLETE" in os.environ:
@@ -61,31 +61,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NOT_DONE
     return code
-
-
-@contextlib.contextmanager
-def _ended_in_order(terminated: threading.Event) -> Iterator[None]:
-    """Let SIGTERM end a command as Ctrl-C does, so that temporary folders are removed; set `terminated` when it comes.
-
-    Processes that the command forks, and a program that has a handler of its own, end as they would.
-    """
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
-        return
-    process = os.getpid()
-
-    def end(number: int, frame: Any) -> None:
-        if os.getpid() != process:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-            os.kill(os.getpid(), signal.SIGTERM)
-        terminated.set()
-        signal.default_int_handler(number, frame)
-
-    signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextlib.contextmanager

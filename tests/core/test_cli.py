@@ -4,13 +4,18 @@ import pty
 import signal
 import subprocess
 import sys
+import threading
+import time
+import weakref
 
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers import BASELINES
 from fg_mujoco.errors import SettingsError, install_command
+from fg_mujoco.interrupts import ended_in_order
 from refusals import contents, refused
 from terminals import read_to_the_end
 
@@ -91,6 +96,10 @@ def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(her
     assert "bit-identical" in capsys.readouterr().out
 
 
+class Thing:
+    pass
+
+
 def test_the_second_ctrl_c_ends_the_race_where_the_first_was_to_be_ignored(here, capsys):
     kills = "    while True: os.kill(os.getpid(), signal.SIGINT)\n"
     (here / "planner.py").write_text(f"import os, signal\ndef P(scan, odometry):\n{kills}")
@@ -101,6 +110,41 @@ def test_the_second_ctrl_c_ends_the_race_where_the_first_was_to_be_ignored(here,
     finally:
         signal.signal(signal.SIGINT, before)
     assert json.loads(capsys.readouterr().out)["end_reason"] == "interrupted"
+
+
+COMES = """
+import os, signal, sys
+class Finder:
+    def find_spec(self, name, *rest):
+        if name == {module!r}:
+            {what}
+sys.meta_path.insert(0, Finder())
+sys.argv = ["/bin/fg-mujoco", "track", "list"]
+from fg_mujoco.cli.main import main
+sys.exit(main())
+"""
+CTRL_C = "os.kill(os.getpid(), signal.SIGINT)"
+
+
+@each(
+    "module, what, code",
+    [
+        ("mujoco", CTRL_C, -signal.SIGINT), ("fg_mujoco.cli.track", CTRL_C, 130),
+        ("fg_mujoco.cli.track", "raise ImportError('initialization failed') from KeyboardInterrupt()", 130),
+    ],
+)  # fmt: skip
+def test_ctrl_c_while_modules_are_imported_leaves_no_traceback(module, what, code):
+    text = COMES.format(module=module, what=what)
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (code, "")
+
+
+def test_ctrl_c_that_a_callback_has_swallowed_comes_again():
+    thing = Thing()
+    _ = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt), ended_in_order(threading.Event()):
+        del thing
+        time.sleep(30.0)
 
 
 def test_the_first_ctrl_c_says_what_it_waits_for(here, capfd):
