@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -108,10 +109,12 @@ def _ros2(options: argparse.Namespace) -> int:
     require_cyclonedds()
     if options.step_on_drive and hasattr(options, "controller"):
         raise SettingsError("--controller drives until a command comes, --step-on-drive never; accepted: one of them")
+    alone = options.host is None and not options.peer and "CYCLONEDDS_URI" not in os.environ
+    on = " on this machine alone, though its UDP sockets are open on all addresses" if alone else ""
     return _serve(
-        _driven_from_outside(options), Ros2Server, options, "for nodes of ROS 2", types=types_in(options.type or ()),
-        namespace=options.namespace, domain=options.domain, host=options.host, peers=options.peer or (),
-        distribution=options.distribution,
+        _driven_from_outside(options), Ros2Server, options, f"for nodes of ROS 2{on}",
+        types=types_in(options.type or ()), namespace=options.namespace, domain=options.domain, host=options.host,
+        peers=options.peer or (), distribution=options.distribution,
     )  # fmt: skip
 
 

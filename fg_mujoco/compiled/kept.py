@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import os
 import pickle
+import stat
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -67,11 +68,16 @@ def _folder() -> Path | None:
 
 def _drop_oldest(folder: Path) -> None:
     """Drop the entries that were not used for longest, as long as all have more than MOST_BYTES."""
-    with contextlib.suppress(OSError):  # another process may be dropping them, too
-        entries = sorted((path.stat().st_mtime, path.stat().st_size, path) for path in folder.iterdir())
-        total = sum(size for _, size, _ in entries)
-        for _, size, path in entries:
-            if total <= MOST_BYTES:
-                return
+    entries = []
+    for path in folder.iterdir():
+        with contextlib.suppress(OSError):  # another process may be dropping them, too
+            status = path.lstat()
+            if stat.S_ISREG(status.st_mode):
+                entries.append((status.st_mtime, status.st_size, path))
+    total = sum(size for _, size, _ in entries)
+    for _, size, path in sorted(entries):
+        if total <= MOST_BYTES:
+            return
+        with contextlib.suppress(OSError):
             path.unlink()
-            total -= size
+        total -= size

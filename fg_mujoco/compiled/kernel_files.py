@@ -60,13 +60,19 @@ def own_folder(name: str, otherwise: str = "", parent: Path | None = None) -> Pa
     Args:
       name: of the folder.
       otherwise: what follows where others may write to it, which is said on stderr; nothing: it is not said.
-      parent: of the folder, for which the same holds; None: fg_mujoco in $XDG_CACHE_HOME or ~/.cache.
+      parent: of the folder, for which the same holds; None: fg_mujoco in $XDG_CACHE_HOME or ~/.cache. One that is not
+        absolute is ignored, as the XDG Base Directory Specification asks: it would be in whatever folder is present.
 
     Returns:
       None where others may, or it cannot be made or written to.
     """
     try:
-        parent = parent or Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / _PACKAGE
+        if parent is None:
+            given = os.environ.get("XDG_CACHE_HOME", "")
+            base = given if os.path.isabs(given) else os.path.expanduser("~/.cache")
+            if not os.path.isabs(base):  # there is no home, or it is relative
+                return None
+            parent = Path(base, _PACKAGE)
         folder = parent / name
         parent.parent.mkdir(parents=True, exist_ok=True)
         for path in (parent, folder):
@@ -76,7 +82,7 @@ def own_folder(name: str, otherwise: str = "", parent: Path | None = None) -> Pa
             return folder if os.access(folder, os.W_OK) else None
         if otherwise:
             say(f"other users may write to {unsafe[0]}: {otherwise}")
-    except (OSError, RuntimeError):  # it cannot be made, or there is no home
+    except OSError:  # it cannot be made
         pass
     return None
 

@@ -96,6 +96,17 @@ def test_without_a_home_they_are_kept_in_the_temporary_folder(cache):
     assert [path.name for path in (cache / "tmp").iterdir()] == [folder.parent.name]
 
 
+def test_a_home_or_a_cache_that_is_relative_is_ignored(cache):
+    for name in ("tmp", "here"):
+        (cache / name).mkdir()
+    for given, folder in (
+        ({"HOME": str(cache / "home"), "XDG_CACHE_HOME": "cache"}, cache / "home/.cache/fg_mujoco/kernels"),
+        ({"HOME": "home"}, cache / f"tmp/fg_mujoco-{os.getuid()}/kernels"),
+    ):
+        assert run(FOLDER, TMPDIR=str(cache / "tmp"), cwd=cache / "here", **given).stdout == f"{folder}\n"
+    assert list((cache / "here").iterdir()) == []
+
+
 @pytest.mark.parametrize(("of", "mode"), [("fg_mujoco", 0o720), ("fg_mujoco/kernels", 0o702), ("fg_mujoco", None)])
 def test_a_folder_that_others_may_write_to_is_not_used(cache, monkeypatch, capsys, of, mode):
     assert halve_anew()
