@@ -105,6 +105,8 @@ def say(line: str) -> None:
 def read_kept(file: Path) -> Any:
     """Return what is kept in a file; None where it is not there, or damaged."""
     with contextlib.suppress(Exception):  # whatever is wrong with it, compiling helps
+        if not file.is_file():  # as a FIFO or a device, which has no end
+            return None
         kept = file.read_bytes()
         digest, payload = kept[:32], kept[32:]
         if hashlib.sha256(payload).digest() == digest:

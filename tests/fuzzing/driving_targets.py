@@ -3,12 +3,15 @@
 import atexit
 import contextlib
 import http.client
+import os
 import shutil
 import socket
 import threading
+import time
 from functools import cache
 
 import numpy as np
+from cyclonedds.core import DDSException
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.sync.server import serve
@@ -18,8 +21,10 @@ from fg_mujoco.addons.gym2d.new_api import F110Env as NewEnv
 from fg_mujoco.addons.look.live.browser import LiveView
 from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.addons.ros.bag_messages import drive_message, to_cdr
 from fg_mujoco.addons.servers.foxglove_server import FoxgloveServer
 from fg_mujoco.envs.gym_environment import F1TenthEnv
+from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.setup import Setup
 
 from .file_targets import race, ring
@@ -282,6 +287,43 @@ def _servers(samples, here, rng):
     return race
 
 
+@cache
+def _ros2():
+    """Start a node of ROS 2, once for a process, with a peer that offers all that it reads."""
+    from fg_mujoco.addons.servers.ros2.participant import Participant
+    from fg_mujoco.addons.servers.ros2.server import Ros2Server, _taken
+
+    domain, kinds = 150 + os.getpid() % 80, _taken({}, ())
+    server = Ros2Server(LiveSession(), domain=domain, host="127.0.0.1")
+    peer = Participant("peer", domain=domain, host="127.0.0.1")
+    for topic, kind in kinds.items():
+        peer.offer(topic, kind)
+    return server, peer, kinds
+
+
+def _ros2_peer(samples, here, rng):
+    """A peer on DDS whose numbers are of any kind, and bytes that are no messages: the race goes on."""
+    told = to_cdr(drive_message(DriveCommand(steering_angle=0.1, speed=1.0), 0))
+    contents = [mutated_binary(one_of(rng, (told, b"\0\1\0\0" + bytes(400), b"\0\1\0\0\1")), rng) for _ in range(5)]
+    floats = [rng.choice([0.0, 1e-40, -1e30, np.nan, np.inf, 1.0], 5).astype("<f4").tobytes() for _ in range(2)]
+
+    def say():
+        server, peer, kinds = _ros2()
+        for content in (*contents, *(told[: -len(each)] + each for each in floats)):
+            topic = one_of(rng, list(kinds))
+            with contextlib.suppress(DDSException):  # it does not send what is not of the type
+                peer.write(topic, content)
+            server._take(topic, kinds[topic], content)
+        server._participant.wait(0.01)
+        for topic, kind, content in server._participant.take():
+            server._take(topic, kind, content)
+        server._look(time.monotonic())
+        server._race.tick()
+        return 0
+
+    return say
+
+
 # -- several cars
 
 _OPPONENTS = ("gap_finder", "follow_the_gap[point=deepest]", "pure_pursuit[line=ring.csv]", "planner.py:Planner",
@@ -306,5 +348,6 @@ def _several_cars(samples, here, rng):
 
 TARGETS = {"f110": Target(attempt=_f110, prepare=ring), "live_session": Target(attempt=_live_session),
            "live_server": Target(attempt=_live_server), "servers": Target(attempt=_servers),
+           "ros2": Target(attempt=_ros2_peer, prepare=lambda samples: _ros2()),
            "several_cars": Target(attempt=_several_cars, prepare=ring), "environment": Target(attempt=_environment),
            "live_view": Target(attempt=_live_view)}  # fmt: skip

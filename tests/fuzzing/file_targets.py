@@ -1,6 +1,8 @@
 """Targets that are files: courses, folders of runs and studies, vehicles, settings, bags, drives, and documents."""
 
 import json
+import os
+import pickle
 import re
 import shutil
 from importlib.resources import files
@@ -14,6 +16,8 @@ from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
 from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.cli.main import main
+from fg_mujoco.compiled import kept as keeping
+from fg_mujoco.compiled.kernel_files import write_kept
 from fg_mujoco.course.documents import read_toml, toml_text
 from fg_mujoco.pictures.rendering.scenery import compile_scenery
 from fg_mujoco.racing.run_folder import write_run
@@ -21,7 +25,7 @@ from fg_mujoco.simulation.settings import known_settings
 from forging import without_checksums
 from small_policies import FLAT, PARTS, interface_of, network_for
 
-from .mutations import NUMBERS, WORDS, any_json, mutated, one_of
+from .mutations import NUMBERS, WORDS, any_json, mutated, mutated_binary, one_of
 from .target import SHORT, Target, as_text, command, ignore_refusal, of_files
 
 # -- courses
@@ -83,6 +87,55 @@ def _field_course(samples, here, rng):
     (here / name).write_bytes(mutated(text, rng) if rng.random() < 0.3 else text)
     ways = (("--track", name), ("--track", f"{name}[width=2]"), ("--controller", f"pure_pursuit[line={name}]"))
     return command(*race(*one_of(rng, ways)))
+
+
+def lines(samples):
+    """Write a line as CSV, JSON of rows and of columns, NumPy's array, and a track.yaml."""
+    ring(samples)
+    points = np.loadtxt(samples / "ring.csv", delimiter=",")
+    names = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
+    rows = [dict(zip(names, row, strict=True)) for row in points.tolist()]
+    (samples / "rows.json").write_text(json.dumps({"centreline": {"wpnts": rows}, "other": rows}))
+    (samples / "columns.json").write_text(json.dumps(dict(zip(names, points.T.tolist(), strict=True))))
+    np.save(samples / "line.npy", points)
+    (samples / "track.yaml").write_text("centreline: ring.csv\nclosed: true\nsurface: wood\n")
+
+
+def _converted(path, rng):
+    more = one_of(rng, ((), (), ("--raceline",), ("--line", "centreline")))
+    settings = one_of(rng, ("", "", "[width=1]", "[scale=2]"))
+    return command("track", "convert", f"{path.name}{settings}", "out.csv", *more)
+
+
+def _kept(samples, here, rng):
+    """A course whose kept entry is damaged, lost, or that of another is read as it was."""
+    shutil.copytree(samples, here, dirs_exist_ok=True)
+    damage = one_of(rng, ("mutated", "mutated", "pickled", "pickled", "folder", "link"))
+    value = one_of(rng, (None, (), (1, 2), (b"", {}, []), (b"x", {"/": ""}, [(1, 2)]), [], {}, "x"))
+    name = "ring.csv[width=1]"
+
+    def attempt():
+        with patch.dict(os.environ, XDG_CACHE_HOME=str(here / "cache")):
+            keeping._folder.cache_clear()
+            try:
+                first = fg.load_track(name)
+                for entry in (here / "cache/fg_mujoco/kept").iterdir():
+                    content = entry.read_bytes()
+                    entry.unlink()
+                    if damage == "folder":
+                        (entry / "x").mkdir(parents=True)
+                    elif damage == "link":
+                        entry.symlink_to(one_of(rng, ("/dev/zero", "nothing", "../kept")))
+                    elif damage == "pickled":
+                        write_kept(entry, pickle.dumps(value))
+                    else:
+                        entry.write_bytes(mutated_binary(content, rng))
+                assert np.array_equal(fg.load_track(name).centreline, first.centreline)
+            finally:
+                keeping._folder.cache_clear()
+        return 0
+
+    return attempt
 
 
 # -- folders of a race, a rollout and a comparison, as others send them or disks damage them
@@ -172,6 +225,29 @@ def _vehicle_files(samples, here, rng):
     path = here / one_of(rng, (*parts, "look.xml", "assets/tub.obj"))
     path.write_bytes((_hostile_mjcf if path.suffix == ".xml" else mutated)(path.read_bytes(), rng))
     return ignore_refusal(lambda: compile_scenery(fg.World("oval", str(here / "car.xml")).xml))
+
+
+_WHEEL = (
+    '<link name="{0}{1}"/><joint type="continuous"><parent link="a"/><child link="{0}{1}"/><origin xyz="{0} {1} 0"/>'
+    "</joint>"
+)
+_CARS = {
+    "gym.yaml": {"mu": 0.8, "C_Sf": 4.9, "C_Sr": 5.2, "lf": 0.16, "lr": 0.17, "m": 3.6, "I": 0.05, "s_max": 0.41},
+    "vesc.yaml": {"speed_to_erpm_gain": 4614.0, "steering_angle_to_servo_gain": -1.2, "servo_min": 0.15,
+                  "steering_angle_to_servo_offset": 0.53, "servo_max": 0.85, "speed_max": 23250, "wheelbase": 0.32},
+    "forza.json": {"C_Pf": [4.8, 2.16, 0.65, 0.37], "C_Pr": [20.0, 1.5, 0.62, 0.0], "l_f": 0.162, "m": 3.54},
+    "slipx.yaml": {"nominal_load": 8.6, "linear": {"c_alpha": 60}, "mu_y0": 1.1, "mf_lite": {"C": 1.68}, "m": 3},
+}  # fmt: skip
+_URDF = (
+    '<robot><link name="a"><inertial><mass value="3"/><origin xyz="0.15 0 0"/><inertia izz="0.04"/></inertial></link>'
+    + "".join(_WHEEL.format(x, y) for x in (0, 0.32) for y in (-0.1, 0.1)) + "</robot>"
+)  # fmt: skip
+
+
+def _cars(samples):
+    for name, values in _CARS.items():
+        (samples / name).write_text(json.dumps(values, indent=1))
+    (samples / "car.urdf").write_text(_URDF)
 
 
 # -- settings files and the command line
@@ -377,7 +453,9 @@ TARGETS = {"field_course": Target(attempt=_field_course),
                                   lost=0.25), "vehicle": Target(attempt=_vehicle),
     "vehicle_files": Target(attempt=_vehicle_files), "settings_file": Target(attempt=_settings_file),
     "command_line": Target(attempt=_command_line, prepare=run),
-    "bag": of_files(_bags, ["mcap/*", "sqlite3/*"], _read_bag),
+    "car_files": of_files(_cars, ["*"], lambda path, rng: command("car", path.name, "--out", "car")),
+    "lines": of_files(lines, ["*.csv", "*.json", "*.json", "line.npy", "track.yaml"], _converted),
+    "kept": Target(attempt=_kept, prepare=ring), "bag": of_files(_bags, ["mcap/*", "sqlite3/*"], _read_bag),
     "bag_messages": Target(attempt=_messages, prepare=_bags),
     "drive": of_files(drives, ["drive.csv", "drive.csv", "columns.toml"], of_drive("bag"), of_drive("bag"),
         of_drive("validate"), of_drive("validate", "--mu", "0.7"), of_drive("replay-scans", "--out", "commands.csv"),
