@@ -370,8 +370,7 @@ class LaunchFiles:
         if value.kind in ("ThisLaunchFileDir", "ThisLaunchFile"):
             return str(value.file.resolve() if value.kind == "ThisLaunchFile" else value.file.resolve().parent)
         if value.kind in ("EqualsSubstitution", "NotEqualsSubstitution"):
-            same = self._text(values[0]) == self._text(values[1])
-            return str(same is (value.kind == "EqualsSubstitution")).lower()
+            return str((self._text(values[0]) == self._text(values[1])) is (value.kind[0] == "E")).lower()
         if value.kind in ("AndSubstitution", "AllSubstitution", "OrSubstitution", "AnySubstitution"):
             truths = [self._text(each).lower() in ("true", "1") for each in values]
             return str(all(truths) if value.kind[:3] in ("And", "All") else any(truths)).lower()

@@ -74,24 +74,31 @@ def executable(package: Path, name: str) -> tuple[Path, str] | None:
         if said == name:
             found = _module_file(package, module)
             return None if found is None else (found, function)
+    text = _cmake(package)
+    if re.search(rf"\badd_executable\s*\(\s*{re.escape(name)}\s", text):
+        return None  # of C++
     inner = package / package_name(package)
     folders = (*(package / each for each in _SCRIPT_FOLDERS), inner)
     named = (folder / each for folder in folders for each in (name, f"{name}.py"))
     anywhere = (each for each in _files(package) if each.name in (name, f"{name}.py"))
-    for file in (*_installed_by_cmake(package, name), *named, *anywhere):
+    for file in (*(package / each for each in _installed(text, name)), *named, *anywhere):
         if file.is_file() and _is_python(file):
             return file, ""
     return None
 
 
-def _installed_by_cmake(package: Path, name: str) -> Iterator[Path]:
-    """Yield the files that CMakeLists.txt names and that may be installed as an executable of a name."""
+def _cmake(package: Path) -> str:
+    """Return the text of a package's CMakeLists.txt, without comments and quotes; none where there is no such file."""
     file = package / "CMakeLists.txt"
     text = re.sub(r"#.*", "", file.read_text("utf-8", "replace")) if file.is_file() else ""
-    text = text.replace("${PROJECT_NAME}", package_name(package)).replace('"', " ")
+    return text.replace("${PROJECT_NAME}", package_name(package)).replace('"', " ")
+
+
+def _installed(text: str, name: str) -> Iterator[str]:
+    """Yield the files that a CMakeLists.txt names and that may be installed as an executable of a name."""
     renamed = re.findall(rf"([^\s(]+)(?:\s+DESTINATION\s+[^\s)]+)?\s+RENAME\s+{re.escape(name)}[\s)]", text)
     for said in (*renamed, *re.findall(rf"[^\s(]*(?<![\w.-]){re.escape(name)}(?:\.py)?(?=[\s)])", text)):
-        yield package / re.sub(r"\$\{\w+\}/?", "", said).lstrip("/")
+        yield re.sub(r"\$\{\w+\}/?", "", said).lstrip("/")
 
 
 def may_start(launch: Path) -> list[Path]:

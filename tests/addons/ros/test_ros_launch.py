@@ -217,6 +217,9 @@ def test_an_executable_is_the_file_that_cmake_installs_from_any_folder(place, cm
     (package / place).parent.mkdir(parents=True, exist_ok=True)
     (package / place).write_text(f"#!/usr/bin/env python3\n{DRIVE.replace('1.0)', '2.25)')}\nstart()\n")
     assert speeds(source)[0] == 2.25
+    (package / "CMakeLists.txt").write_text(f"add_executable(wheels src/wheels.cpp)\n{cmake}")
+    with pytest.raises(ControllerError, match="wheels of my_car, of which there is no Python file"):
+        speeds(source)
     (package / place).unlink()
 
 
