@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
+from dataclasses import replace
 from types import TracebackType
 from typing import Protocol
 
@@ -138,9 +139,11 @@ class DevKit:
         return command
 
     def _ask(self, scan: LaserScan, odometry: Odometry) -> None:
-        """Send a packet, and in lockstep wait for its answer."""
+        """Send a packet, and in lockstep wait for its answer; the simulator's acceleration has no gravity."""
+        gravity = np.array((0.0, 0.0, self._surroundings.world.parameters.gravity))
+        moved = replace(odometry, linear_acceleration=odometry.linear_acceleration - gravity)
         told = packet(
-            scan, odometry, throttle=self._throttle, encoders=self._encoders, laps=self._lap_times(odometry),
+            scan, moved, throttle=self._throttle, encoders=self._encoders, laps=self._lap_times(odometry),
             collisions=self.collisions, image=self._camera(self._surroundings, odometry), classic=self._classic,
         )  # fmt: skip
         self._client.send(told)
