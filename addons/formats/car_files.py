@@ -1,4 +1,4 @@
-"""Reads what files tell of a car: parameters of f1tenth_gym, vesc.yaml, ForzaETH's models, SlipX's folders, URDF.
+"""Reads what files tell of a car: f1tenth_gym's parameters, vesc.yaml, ForzaETH's, SlipX's and TUM's files, URDF.
 
     told = read_car([Path("NUC2_pacejka.yaml"), Path("vesc.yaml")])
     told.values["m"]                              # Told(3.54, "m", "NUC2_pacejka.yaml")
@@ -9,6 +9,7 @@ it. What is told and means nothing to a car here is listed, not dropped in silen
 
 from __future__ import annotations
 
+import configparser
 import importlib.util
 import math
 import re
@@ -28,8 +29,9 @@ from .urdf import urdf_values
 _MOST_BYTES = 2**20  # of a file
 _SPELLINGS = {
     "m": "m mass vehicle_mass total_mass", "I": "I I_z Iz Izz izz moment_inertia yaw_inertia inertia_z",
-    "lf": "lf l_f l_cg2front", "lr": "lr l_r l_cg2rear", "wheelbase": "wheelbase wheel_base l_wb lwb",
-    "h": "h h_cg h_cog height_cg", "mu": "mu friction_coeff friction_coefficient",
+    "lf": "lf l_f l_cg2front wheelbase_front",
+    "lr": "lr l_r l_cg2rear wheelbase_rear", "wheelbase": "wheelbase wheel_base l_wb lwb",
+    "h": "h h_cg h_cog height_cg cog_z", "mu": "mu mue friction_coeff friction_coefficient",
     "C_Sf": "C_Sf C_S_front cs_f", "C_Sr": "C_Sr C_S_rear cs_r",
     "s_min": "s_min min_steer min_steering_angle delta_min",
     "s_max": "s_max max_steer max_steering_angle max_steer_angle max_angle delta_max",
@@ -37,22 +39,25 @@ _SPELLINGS = {
     "sv_max": "sv_max max_steering_vel max_steering_velocity max_rate max_servo_speed max_steering_rate ddelta_max",
     "v_switch": "v_switch", "a_max": "a_max max_accel accel_max max_acceleration", "v_min": "v_min",
     "v_max": "v_max max_speed", "width": "width width_m", "length": "length length_m",
-    "track_width": "track_width track_front", "wheel_radius": "wheel_radius r_wheel",
-    "rolling": "roll_resist", "relaxation": "sigma", "k_mu": "k_mu",
-} | {f"{letter}{axle}": f"{letter}{axle} {letter}_{axle}" for letter in "BCDE" for axle in "fr"}  # fmt: skip
+    "track_width": "track_width track_front track_width_front", "wheel_radius": "wheel_radius r_wheel",
+    "rolling": "roll_resist c_roll", "relaxation": "sigma", "k_mu": "k_mu", "f_z0": "f_z0",
+} | {
+    f"{letter}{axle[0]}": f"{letter}{axle[0]} {letter}_{axle[0]} {letter}_{axle}"
+    for letter in ("B", "C", "D", "E", "eps") for axle in ("front", "rear")
+}  # fmt: skip
 _QUANTITIES = {name: quantity for quantity, names in _SPELLINGS.items() for name in names.split()}
 _MUST = {
     "m": (0.1, 5000.0, "kg"), "I": (1e-4, 1e5, "kg m^2"), "lf": (0.01, 5.0, "m"), "lr": (0.01, 5.0, "m"),
     "wheelbase": (0.05, 10.0, "m"), "h": (0.0, 3.0, "m"), "mu": (1e-3, GREATEST_MU, "-"), "s_max": (0.01, 1.2, "rad"),
     "s_min": (-1.2, -0.01, "rad"), "sv_max": (0.01, 100.0, "rad/s"), "sv_min": (-100.0, -0.01, "rad/s"),
     "v_max": (0.1, 200.0, "m/s"), "v_min": (-200.0, 0.0, "m/s"), "a_max": (0.1, 100.0, "m/s^2"),
-    "width": (0.01, 5.0, "m"), "length": (0.01, 10.0, "m"), "wheel_radius": (0.005, 1.0, "m"),
+    "f_z0": (1e-3, 1e6, "N"), "width": (0.01, 5.0, "m"), "length": (0.01, 10.0, "m"), "wheel_radius": (0.005, 1.0, "m"),
 } | {f"D{axle}": (1e-3, GREATEST_MU, "times the load, and not newtons") for axle in "fr"}  # fmt: skip
 """Of a quantity the least, the greatest, and its unit."""
 
 _OF_A_FOLDER = ("*pacejka*", "*linear*", "car_model.*", "params.*", "dynamics.*", "limits.*", "vesc.*")
 _URDF = (".urdf", ".xacro")
-_SUFFIXES = (".yaml", ".yml", ".json", ".txt", *_URDF)
+_SUFFIXES = (".yaml", ".yml", ".json", ".txt", ".ini", *_URDF)
 _USUAL_WHEELBASE = 0.25  # [m] of the vesc.yaml that cars of .33 m are delivered with
 
 
@@ -149,7 +154,7 @@ def _values(path: Path) -> Iterator[tuple[str, float]]:
     if importlib.util.find_spec("yaml") is None:
         raise missing_extra("parameters of a car need PyYAML", "maps")
     try:
-        content = plain_yaml(text)
+        content = _ini(text) if path.suffix.lower() == ".ini" else plain_yaml(text)
     except Exception as error:  # of YAML
         said = " ".join(str(error).split())
         raise SettingsError(f"vehicle file {path}: {said}; accepted: YAML or JSON of names and numbers") from error
@@ -166,8 +171,9 @@ def _values(path: Path) -> Iterator[tuple[str, float]]:
         for axle in "fr":
             yield from ((f"B{axle}", stiffness / (shape * friction)), (f"C{axle}", shape))
             yield from ((f"D{axle}", friction), (f"E{axle}", curvature))
+    numbers |= _of_tum(numbers)
     for axle in "fr":  # ForzaETH's lists
-        formula = leaves.get(f"C_P{axle}")
+        formula = leaves.get(f"C_P{axle}", leaves.get({"f": "pacejka_front", "r": "pacejka_rear"}[axle]))
         if isinstance(formula, list) and len(formula) == 4:
             for letter, value in zip("BCDE", formula, strict=True):
                 number = _number(value)
@@ -175,6 +181,30 @@ def _values(path: Path) -> Iterator[tuple[str, float]]:
     if "steering_angle_to_servo_gain" in numbers:
         numbers = dict(_vesc(numbers))
     yield from numbers.items()
+
+
+def _ini(text: str) -> dict[str, dict[str, Any]]:
+    """Return the sections of an INI whose values are JSON, as of TUM's global_racetrajectory_optimization."""
+    parser = configparser.ConfigParser(interpolation=None, default_section="\0")
+    parser.optionxform = str  # type: ignore[assignment, method-assign]  # keeps capitals
+    parser.read_string(text)
+    return {name: {key: plain_yaml(value) for key, value in parser[name].items()} for name in parser.sections()}
+
+
+def _of_tum(numbers: dict[str, float]) -> dict[str, float]:
+    """Return what follows from TUM's numbers: its tires' D is `mue` alone; its motor has a force and a power.
+
+    What is a motor's is taken out of the numbers, unless it is that of a car of another size.
+    """
+    found: dict[str, float] = {}
+    if {"f_z0", "B_front", "B_rear", "mue"} <= set(numbers):
+        found |= {f"D{axle} of F_z mue": 1.0 for axle in "fr"}
+    force, power, mass = (numbers.get(name, 0.0) for name in ("f_drive_max", "power_max", "mass"))
+    if mass > 0.0 and _MUST["a_max"][0] <= force / mass <= _MUST["a_max"][1]:
+        found["a_max of f_drive_max and mass"] = numbers.pop("f_drive_max") / mass
+        if power > 0.0:
+            found["v_switch of power_max and f_drive_max"] = numbers.pop("power_max") / force
+    return found
 
 
 def _vesc(numbers: dict[str, float]) -> Iterator[tuple[str, float]]:

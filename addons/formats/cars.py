@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -51,6 +51,7 @@ _KEPT = ("track_width", "wheel_radius")  # what is not built, but the vehicle's
 _SHOWN = 40  # names of what is not used
 _SAME = 0.01  # share within which a value is the vehicle's
 _LEAST_C, _OF_D = 0.5, 0.9  # of a Magic Formula with a peak, as `MagicFormula` takes it
+_MOST_OF_LOAD = 0.3  # share by which friction may fall at the car's load
 _RELAXATION, _SLIDING = 0.045, 0.7  # as in models/tires/forzaeth_nuc2.toml, which says from where
 
 
@@ -86,7 +87,8 @@ def car_of(sources: Sequence[Path]) -> FileCar:
     """
     for source in sources:
         if not is_car(source):
-            raise SettingsError(f"{source}: no such file of a car; accepted: .yaml, .json, .txt, .urdf, or a folder")
+            accepted = ".yaml, .json, .txt, .ini, .urdf, or a folder"
+            raise SettingsError(f"{source}: no such file of a car; accepted: {accepted}")
     states = tuple(state_of(file) for source in sources for file in files_of(source))
     return _car_of(tuple(sources), states)
 
@@ -204,6 +206,7 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
             words += ["brush tires of their slopes and greatest forces, because they have no peak", *taken]
         words.append("force along the wheels as across them: not given")
         axles = {axle: curves[axle[0]] | common for axle in ("front", "rear")}
+        words += _heed_loads(told, axles)
         return {"model": model, "floor": f"not given by {source}", **axles}, None, words
     stiffness = {name: told.get(name, math.nan) for name in ("C_Sf", "C_Sr")}
     if not any(math.isnan(value) for value in stiffness.values()):
@@ -226,6 +229,23 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
         else f"Coulomb friction of mu {mu:g}: {files.values['mu'].name} of {files.values['mu'].file}"
     )
     return {}, mu, words
+
+
+def _heed_loads(told: Mapping[str, float], axles: Mapping[str, dict[str, Any]]) -> Iterator[str]:
+    """Give tires TUM's friction at the car's load, D (1 + eps F_z / f_z0), and how it falls there, in place; in words.
+
+    Raises:
+      SettingsError: a friction that grows with the load, or falls by more than 30 %.
+    """
+    for axle, curve in axles.items():
+        eps, nominal = told.get(f"eps{axle[0]}", 0.0), told.get("f_z0", math.nan)
+        share = eps * curve["nominal_load"] / nominal if eps else 0.0
+        if not -_MOST_OF_LOAD <= share <= 0.0:
+            said = f"eps_{axle} {eps:g} with f_z0 {nominal:g} N changes the friction by {100.0 * share:.3g} %"
+            raise SettingsError(f"{said} at the car's load; accepted: -{100.0 * _MOST_OF_LOAD:g} to 0 %")
+        if share:
+            curve |= {"D": curve["D"] * (1.0 + share), "load_sensitivity": -share / (1.0 + share)}
+            yield f"D of the {axle} tires times {1.0 + share:.3g}, and its fall with the load: eps_{axle} and f_z0"
 
 
 def _greatest(B: float, C: float, D: float, E: float) -> float:  # noqa: N803 - as the formula has them

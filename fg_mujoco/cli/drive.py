@@ -49,7 +49,7 @@ _FIGURES: dict[str, tuple[str, Callable[[float], str]]] = {
     option("--list", "list the manoeuvres and their settings"),
     option("--speed", "of a manoeuvre [m/s]; default: its own", "V", number),
     setup_options(
-        "vehicle", "tires", "mu", "floor", "start_s", "start_offset", "start_heading", "start_speed", "mass",
+        "vehicle", "tires", "mu", "floor", "patches", "start_s", "start_offset", "start_heading", "start_speed", "mass",
         "cog_height", "steering_gain", "speed_gain", "command_delay",
         start_speed="speed of the rolling car; default: the first commanded speed",
     ),

@@ -65,16 +65,26 @@ def number_or_off(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{error}, or off") from None
 
 
-_SENSOR_FILE = re.compile(r"(^|(?<=sensor=))([^,=]+\.py)(?::(\w*))?")
+_SENSOR_FILE = re.compile(r"(?:^|(?<=sensor=))[^,=]+\.py(?::\w*)?")
 
 
 def sensor(text: str) -> str | dict[str, Any]:
-    """Read `imu`, `path/to/file.py:Class`, or either with settings: `sensor=imu,rate=100`. The file is imported."""
-    try:
-        text = _SENSOR_FILE.sub(lambda found: _registered(Path(found[2]), found[3] or ""), text)
-    except FgMujocoError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-    return pairs(text) if "=" in text else text
+    """Read `imu`, `path/to/file.py:Class`, or either with settings: `sensor=imu,rate=100`."""
+    if "=" not in text:
+        return text
+    file = _SENSOR_FILE.search(text)
+    return pairs(text) if file is None else pairs(text.replace(file[0], "file")) | {"sensor": file[0]}
+
+
+def _with_files(sensors: Sequence[Any]) -> list[Any]:
+    """Return the sensors of options, those in files by the names under which they are registered now."""
+    found = []
+    for each in sensors:
+        given = dict(each) if isinstance(each, Mapping) else {"sensor": each}
+        source = str(given.get("sensor", ""))
+        path, name = (source, "") if source.endswith(".py") else source.rpartition(":")[::2]
+        found.append(given | {"sensor": _registered(Path(path), name)} if path.endswith(".py") else each)
+    return found
 
 
 def _registered(path: Path, name: str) -> str:
@@ -235,6 +245,8 @@ def setup_of(options: argparse.Namespace, *, lists: Sequence[str] = ()) -> Setup
       SettingsError: a value that is not accepted, or values of opponents that are not one for all or one for each.
     """
     given = given_settings(options, lists)
+    if "sensors" in given:
+        given["sensors"] = _with_files(given["sensors"])
     names, own = given.pop("opponents", []), {name: getattr(options, name, None) or [] for name in OPPONENT_OPTIONS}
     among = {name: given.pop(name) for name in ("grid", "rules") if name in given}
     setup = getattr(options, "setup", None) or Setup()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..course.centreline_csv import load_centreline, write_centreline
 from ..course.course import describe_course
-from ..course.files import noting_files
+from ..course.files import is_file, noting_files
 from ..course.formats import TIGHT, track_names
 from ..course.line_file import raceline_columns, raceline_text, read_line_file
 from ..course.maps.export import SUFFIXES, export_tracks, exported_files, require_track
@@ -117,7 +117,10 @@ def _export(options: argparse.Namespace) -> int:
 
 
 @command(
-    option("file", "a centreline, a raceline or a boundary, with settings in brackets as --track takes them", "FILE"),
+    option(
+        "file", "a centreline, a raceline or a boundary, with settings in brackets as --track takes them; or the name "
+        "of a track", "FILE|NAME", names=track_names,
+    ),
     option("out", "the CSV", "FILE.csv", Path),
     option("--raceline", "write s, x, y, psi, kappa and the speeds, in place of a centreline with widths"),
     option("--line", "line of this name, or with this in its name, in a file of several lines", "NAME"),
@@ -128,21 +131,26 @@ def _convert(options: argparse.Namespace) -> int:
     require_ending(options.out, ".csv", what="a converted line")
     require_new(options.out, force=options.force, reads=[options.file])
     name, comment = options.file, f"made by: fg-mujoco track convert {options.file}"
+    named = not is_file(name.partition("[")[0])
     if options.raceline:
         with noting_files() as read:
-            file = read_line_file(name, course=False, line=options.line).note()
+            if named:
+                points, speeds = require_track(load_track(name)).centreline, None
+            else:
+                file = read_line_file(name, course=False, line=options.line).note()
+                points, speeds = file.points, file.values.get("speed")
         require_new(options.out, force=options.force, reads=read)
-        if len(file.points) < MIN_POINTS:
-            raise TrackError(f"{name}: {len(file.points)} points; accepted: at least {MIN_POINTS}")
-        columns = raceline_columns(file.points, file.values.get("speed"))
+        if len(points) < MIN_POINTS:
+            raise TrackError(f"{name}: {len(points)} points; accepted: at least {MIN_POINTS}")
+        columns = raceline_columns(points, speeds)
         with writing(options.out):
             write_file(options.out, raceline_text(columns, [comment]).encode())
-        print(f"{options.out}: {', '.join(columns)}, {len(file.points)} points, {columns['s_m'][-1]:.1f} m")
+        print(f"{options.out}: {', '.join(columns)}, {len(points)} points, {columns['s_m'][-1]:.1f} m")
         return 0
     if options.line is not None:
         name = f"{name.removesuffix(']')}{',' if name.endswith(']') else '['}line={options.line}]"
     with noting_files() as read:
-        track = load_centreline(name)
+        track = require_track(load_track(name)) if named else load_centreline(name)
     require_new(options.out, force=options.force, reads=read)
     write_centreline(track, options.out, [comment])
     print(f"{options.out}: {describe_course(track)}")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 
-_USABLE = (*OF_A_CAR, "sensors", "start", "lidar", "name")
+_USABLE = (*OF_A_CAR, "patches", "sensors", "start", "lidar", "name")
 """Fields of a Setup that mean something where no planner drives."""
 
 _LEAST_LIMIT = 0.1  # [m/s] of `speed_limit_m_s`, which is the greatest command
@@ -52,9 +52,9 @@ def drive(
       speed: at which a manoeuvre is driven [m/s]; None: its own.
       setup: that the keywords change.
       watch: called once a tick.
-      keywords: of a Setup, see there, that say which car drives: `vehicle`, `tires`, `mu`, `changes`; and `start`: x
-        (`s`), y (`offset`), heading and speed at which it starts, without it at the origin along x, wheels rolling at
-        the first commanded speed.
+      keywords: of a Setup, see there, that say which car drives: `vehicle`, `tires`, `mu`, `changes`; `patches` of
+        the floor; and `start`: x (`s`), y (`offset`), heading and speed at which it starts, without it at the origin
+        along x, wheels rolling at the first commanded speed.
 
     Returns:
       A RaceResult without laps, whose `controller` names the commands. `clamped_commands` counts those beyond the car's

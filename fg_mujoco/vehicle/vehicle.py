@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 DEFAULT_VEHICLE = "f1tenth"
 
-_OF_OTHERS = (".yaml", ".yml", ".json", ".urdf", ".xacro")  # of which the add-on `formats` makes vehicles
+_OF_OTHERS = (".yaml", ".yml", ".json", ".txt", ".ini", ".urdf", ".xacro")  # of which `formats` makes vehicles
 _WRONG_IF_SPARSE = "4.0.0"  # MuJoCo, whose Newton solver has a wrong Hessian for some branched bodies; 4.0.1 mends it
 _MOUNT = 'name="lidar_mount"'  # the files of models/ that have it are the bundled vehicles
 

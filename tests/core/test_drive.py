@@ -58,6 +58,13 @@ def test_a_full_stop_takes_the_way_of_the_drive_train(mu):
     assert figures["braking_distance_m"] > 1.05 * stopping_distance(5.0, mu, CAR, "held")
 
 
+def test_a_floor_that_is_a_patch_all_over_is_a_floor_of_its_friction():
+    everywhere = {"x": 0.0, "y": 0.0, "length": 100.0, "width": 20.0, "mu": 0.5}
+    figures = [fg.handling(fg.drive("brake", **floor)) for floor in ({"mu": 0.5}, {"patches": [everywhere]}, {})]
+    assert figures[1]["braking_distance_m"] == pytest.approx(figures[0]["braking_distance_m"], rel=1e-6)
+    assert figures[2]["braking_distance_m"] < 0.7 * figures[1]["braking_distance_m"]
+
+
 def test_the_understeer_gradient_is_that_of_a_car_whose_steering_is_known(short_race):
     """Telemetry of a car that steers by L / R + K ay, at one speed: the gradient is K."""
     result = fg.drive("ramp_steer[begin=0.5,rate=0.1,angle=0.2]")

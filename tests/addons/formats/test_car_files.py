@@ -48,7 +48,23 @@ URDF = "<robot name='r'>{}</robot>".format("".join([
     *(LINK.format(f"{x}{y}", 0.1, "0 0 0", 0.0001, 'cylinder radius="0.05"') for x in (0, 32) for y in "lr"),
     *(SPIN.format(f"{x}{y}", f"{x / 100} {0.1 if y == 'l' else -0.1} 0") for x in (0, 32) for y in "lr"),
 ]))  # fmt: skip
+TUM = """# global_racetrajectory_optimization
+[GENERAL_OPTIONS]
+ggv_file="ggv.csv"
+veh_params = {"v_max": 12.0, "length": 0.535, "width": 0.30,
+              "mass": 3.518, "dragcoeff": 0.0136, "curvlim": 1.0, "g": 9.81}
+vel_calc_opts = {"dyn_model_exp": 1.0, "vel_profile_conv_filt_window": null}
+
+[OPTIMIZATION_OPTIONS]
+# mue: [-] constant friction coefficient
+optim_opts_mintime={"width_opt": 0.7, "mue": 0.8, "limit_energy": false}
+vehicle_params_mintime = {"wheelbase_front": 0.159, "wheelbase_rear": 0.171, "cog_z": 0.06, "I_z": 0.05,
+                          "delta_max": 0.34, "power_max": 200.0, "f_drive_max": 28.0}
+tire_params_mintime = {"c_roll": 0.02, "f_z0": 9.0, "B_front": 7.4, "C_front": 1.5, "eps_front": -0.1, "E_front": 0.85,
+                       "B_rear": 7.8, "C_rear": 1.6, "eps_rear": -0.05, "E_rear": 0.9}
+"""
 FILES = {
+    "racecar.ini": TUM,
     "params.yaml": GYM,
     "vesc.yaml": {"/**": {"ros__parameters": VESC}},
     "NUC2": {"NUC2_pacejka.yaml": FORZA, "vesc.yaml": VESC},
@@ -56,6 +72,8 @@ FILES = {
     "car.urdf": URDF,
 }
 BUILT = {
+    "racecar.ini": {"m": 3.518, "lf": 0.159, "lr": 0.171, "h": 0.06, "I": 0.05, "s_max": 0.34, "v_max": 12.0,
+                    "a_max": 28.0 / 3.518, "v_switch": 200.0 / 28.0, "length": 0.535, "width": 0.3},
     "params.yaml": {name: value for name, value in GYM.items() if not name.startswith(("C_", "mu"))},
     "vesc.yaml": {"s_max": 0.32 / 1.2, "v_max": 6.0, "m": 3.74},
     "NUC2": {"m": 3.54, "lf": 0.162, "lr": 0.145, "I": 0.058, "h": 0.014, "v_max": 6.0, "a_max": 3.0},
@@ -63,14 +81,16 @@ BUILT = {
     "car.urdf": {"m": 3.6, "lr": (3.2 * 0.15 + 0.2 * 0.32) / 3.6, "length": 0.5, "width": 0.28},
 }
 SAID = {
+    "racecar.ini": ["mass 3.518 kg: mass of racecar.ini", "greatest acceleration 7.959 m/s^2: f_drive_max and mass",
+                    "D of the rear tires times 0.952", "not used: dragcoeff, curvlim, g, dyn_model_exp, width_opt"],
     "params.yaml": ["width 0.31 m: not given, f1tenth's", "brush tires of C_Sf, C_Sr and mu of params.yaml"],
     "vesc.yaml": ["mass 3.74 kg: not given", "greatest speed 6 m/s: speed_max and the gain", "mu 1.0489: not given"],
     "NUC2": ["wheelbase 0.32 of vesc.yaml is not used", "not used: C_acc, a_min", "force behind the peak"],
     "slipx": ["wheel_radius 0.05 of dynamics.yaml is not used", "Magic Formulas of sponge.yaml"],
     "car.urdf": ["mass 3.6 kg: the links", "greatest steering angle 0.4189 rad: not given, f1tenth's"],
 }
-TIRES = {"params.yaml": "brush", "vesc.yaml": "coulomb", "NUC2": "magic_formula", "slipx": "magic_formula",
-         "car.urdf": "coulomb"}  # fmt: skip
+TIRES = {"racecar.ini": "magic_formula", "params.yaml": "brush", "vesc.yaml": "coulomb", "NUC2": "magic_formula",
+         "slipx": "magic_formula", "car.urdf": "coulomb"}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -113,6 +133,15 @@ def test_tires_are_those_that_are_told(folder):
     tire = Vehicle.load("slipx").tires.front
     assert tire.lateral.slope == pytest.approx(60.0 / 8.6) and tire.load_sensitivity == 0.15
     assert (tire.relaxation_length, tire.rolling_resistance) == (0.05, 0.015)
+    write(folder, "racecar.ini", TUM)
+    tire = Vehicle.load("racecar.ini").tires.front
+    for load in (0.9 * tire.nominal_load, 1.1 * tire.nominal_load):  # as TUM's D = mue F_z (1 + eps F_z / f_z0)
+        found = tire.lateral.D * (load / tire.nominal_load) ** -tire.load_sensitivity
+        assert found == pytest.approx(0.8 * (1.0 - 0.1 * load / 9.0), rel=1e-3)
+    assert (tire.lateral.B, tire.lateral.E, tire.rolling_resistance) == (7.4, 0.85, 0.02)
+    for names in (("C_Pf", "C_Pr"), ("pacejka_front", "pacejka_rear")):
+        write(folder, "list.txt", json.dumps({name: [5.0, 1.5, 0.7, 0.3] for name in names}))
+        assert Vehicle.load("list.txt").tires.rear.lateral.D == 0.7
     flat = {"Bf": 5.54, "Cf": 0.42, "Df": 1.86, "Ef": 0.37, "Br": 6.6, "Cr": 0.56, "Dr": 1.73, "Er": 1.06, "m": 3.5}
     write(folder, "flat.yaml", flat)  # without a peak, as a car has it that never slid
     brush = Vehicle.load("flat.yaml").tires.front.lateral
@@ -197,6 +226,11 @@ def test_a_car_that_cannot_be_loaded_leaves_what_was_there(folder, monkeypatch, 
         ("a.urdf", "<robot><link name='a'/></robot>", "no link has a mass"),
         ("a.xacro", "<robot xmlns:xacro='x'><xacro:if/></robot>", "the URDF that `xacro a.xacro > car.urdf` writes"),
         ("a.yaml", {"m": 3.7, "Bf": 9.0, "Cf": 1.4, "Df": 18.0}, "Df is 18; accepted: 0.001 to 3 times the load"),
+        ("a.ini", TUM.replace("3.518", "1200").replace("9.0", "3000"), "no such car can be built: m is 1200 kg"),
+        ("a.ini", TUM.replace('eps_front": -0.1', 'eps_front": -0.9'), "eps_front -0.9 with f_z0 9 N changes the fric"),
+        ("a.ini", TUM.replace('f_z0": 9.0', 'f_z0": 0'), "f_z0 is 0; accepted: 0.001 to 1e.06 N"),
+        ("a.ini", "m = 3", "a.ini: File contains no section headers"),
+        ("a.ini", "[a]\nx = {'m': 3, 'm': 4}", "the key 'm' is given twice"),
         ("b", {"other.yaml": {"m": 3}}, "is a folder without a file of a car; accepted: an MJCF"),
     ],
 )  # fmt: skip

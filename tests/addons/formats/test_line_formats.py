@@ -148,6 +148,16 @@ def test_convert_writes_a_centreline_or_a_raceline_that_are_read_back(capsys):
     assert "accepted: one of centerline_waypoints, global_traj_wpnts_iqp" in capsys.readouterr().err
 
 
+def test_convert_takes_a_track_of_ours_by_its_name(capsys):
+    assert main(["track", "convert", "oval", "oval.csv"]) == 0
+    np.testing.assert_allclose(load_track("oval.csv").centreline, load_track("oval").centreline, atol=1e-5)
+    assert main(["track", "convert", "oval", "line.csv", "--raceline"]) == 0
+    line = read_line_file("line.csv", course=False).points
+    np.testing.assert_allclose(line, load_track("oval").centreline, atol=1e-5)
+    for name, said in (("scene:dead_end:1", "has no centreline with widths"), ("ovel", "did you mean 'oval'")):
+        assert main(["track", "convert", name, "no.csv"]) == 2 and said in capsys.readouterr().err
+
+
 @each("name", ["tum.csv", "tum"])
 def test_a_course_is_scaled_whatever_its_suffix(name):
     write(name, COURSES["tum.csv"])
