@@ -88,7 +88,7 @@ def _manoeuvres() -> str:
         text = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
         standard = f" {kind.standard}." if kind.standard else ""
         settings = ",".join(f"{setting}={value:g}" for setting, value in vars(kind()).items())
-        rows.append(f"{name:<12}{text}{standard}\n{'':12}{name}[{settings}]")
+        rows.append(f"{name:<11} {text}{standard}\n{'':12}{name}[{settings}]")
     return "\n".join(rows)
 
 

@@ -169,7 +169,7 @@ def race_table(result: RaceResult, out: str | None) -> str:
         rows.append(("winner", result.winner or "nobody finished"))
     controller = with_settings(car.controller, car.planner_settings)
     heading = f"{result.track}, {controller}, {car.vehicle}"
-    return "\n".join([heading, *(f"  {name:<18}{value}" for name, value in rows), *_field_table(result)])
+    return "\n".join([heading, *(f"  {name:<17} {value}" for name, value in rows), *_field_table(result)])
 
 
 def _collisions(result: RaceResult) -> str:

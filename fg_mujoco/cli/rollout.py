@@ -104,8 +104,7 @@ def _table(result: RolloutResult, out: str | None) -> str:
     rows = [
         ("worlds", f"{len(result)}: {reasons}"),
         ("finished", f"{100.0 * summary['finished']:.1f} %; 95 % interval: {100.0 * low:.1f} to {100.0 * high:.1f} %"),
-        ("first lap", _spread(summary["first_lap_s"], "s", len(result))),
-        ("best lap", _spread(summary["best_lap_s"], "s", len(result))),
+        *_lap_times(summary["lap_times"]),
         ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides {rule})", len(result))),
         ("friction", _friction(result)),
         ("simulated", f"{summary['world_seconds']:.1f} s"),
@@ -120,7 +119,16 @@ def _table(result: RolloutResult, out: str | None) -> str:
         rows.append(("written to", out))
     tracks = ", ".join(track.name for track in result.tracks)
     rows = [*summary["randomize"].items(), *rows]
-    return "\n".join([f"{tracks}, {summary['controller']}", *(f"  {name:<18}{value}" for name, value in rows)])
+    return "\n".join([f"{tracks}, {summary['controller']}", *(f"  {name:<17} {value}" for name, value in rows)])
+
+
+def _lap_times(by_track: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Return what the table says of first and best laps: for each track, as those of several have nothing in common."""
+    return [
+        (what + (f", {row['track']}" if len(by_track) > 1 else ""), _spread(row[name], "s", row["worlds"]))
+        for what, name in (("first lap", "first_lap_s"), ("best lap", "best_lap_s"))
+        for row in by_track
+    ]
 
 
 def _friction(result: RolloutResult) -> str:

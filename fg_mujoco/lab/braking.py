@@ -22,7 +22,7 @@ import numpy as np
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
 from ..messages import DriveCommand, FloatArray, Odometry
-from ..pictures.pages.figure_kit import column
+from ..pictures.pages.figure_kit import column, span
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
 from ..vehicle.tires import DEFAULT_TIRES, Tires
@@ -267,23 +267,19 @@ def _ratios(stops: list[Row], how: str, to: str) -> FloatArray:
     return ratios
 
 
-def _span(values: FloatArray, digits: int = 3) -> str:
-    return f"{np.nanmin(values):.{digits}f} to {np.nanmax(values):.{digits}f}"
-
-
 def _sentences(tires: str, tables: Tables) -> tuple[str, ...]:
     stops, splits = tables["stops"], tables["splits"]
     grippy = [row for row in tables["throttle"] if row["mu"] == GRIPPY]
     motor = column(grippy, "acceleration_m_s2") / column(grippy, "motor_limit_m_s2")
     return (
-        f"On {tires}, with all wheels held a stop takes {_span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By "
-        f"its one motor the car takes {_span(_ratios(stops, 'full', 'best_m'), 2)}, because open differentials let the "
-        "rear axle, which braking lightens, limit the braking of all wheels; with the friction limiter "
-        f"{_span(_ratios(stops, 'limiter', 'best_m'), 2)}, without sliding, which is its closed form to "
+        f"On {tires}, with all wheels held a stop takes {span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By "
+        f"its one motor the car takes {span(_ratios(stops, 'full', 'best_m'), '.2f')}, because open differentials let "
+        "the rear axle, which braking lightens, limit the braking of all wheels; with the friction limiter "
+        f"{span(_ratios(stops, 'limiter', 'best_m'), '.2f')}, without sliding, which is its closed form to "
         f"{100 * np.abs(_ratios(stops, 'limiter', 'closed_form_m') - 1.0).max():.1f} %.",
-        f"At full throttle on ground of mu {GRIPPY:g} the car has {_span(motor, 2)} of the motor's limit.",
+        f"At full throttle on ground of mu {GRIPPY:g} the car has {span(motor, '.2f')} of the motor's limit.",
         f"No tire ever has more than {np.nanmax(column(splits, 'greatest_use')):.6f} of mu times its load. The car has "
-        f"{_span(column(splits, 'use_of_car'), 2)} of mu g when its first tire slides. The friction limiter allows "
+        f"{span(column(splits, 'use_of_car'), '.2f')} of mu g when its first tire slides. The friction limiter allows "
         f"at least {100 * _least_margin(splits):.0f} % less than what slides.",
     )
 
@@ -299,16 +295,16 @@ def _expected(tires: str, tables: Tables) -> tuple[tuple[str, str, str], ...]:
     slide = column([row for row in stops if row["how"] == "limiter"], "slide_m_s").max()
     car = np.hypot(column(points, "along_g"), column(points, "across_g")) / column(points, "mu")
     return (
-        (f"{tires}: stop with all wheels held, over v²/(2 mu g)", "1", _span(_ratios(stops, "held", "best_m"))),
+        (f"{tires}: stop with all wheels held, over v²/(2 mu g)", "1", span(_ratios(stops, "held", "best_m"))),
         (
             "stop by the motor, over the closed form of the rear axle",
             "1",
-            _span(_ratios(stops, "full", "closed_form_m")),
+            span(_ratios(stops, "full", "closed_form_m")),
         ),
         (
             "stop with the friction limiter, over its closed form",
             "1",
-            _span(_ratios(stops, "limiter", "closed_form_m")),
+            span(_ratios(stops, "limiter", "closed_form_m")),
         ),
         ("stop with the friction limiter, greatest slide", f"below {slides_above(tires)} m/s", f"{slide:.3f} m/s"),
         ("g-g: force over mu times load, any tire", "at most 1", f"{column(splits, 'greatest_use').max():.6f}"),

@@ -18,7 +18,7 @@ import numpy as np
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
 from ..messages import FloatArray
-from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, measured, theory
+from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, measured, span, theory
 from ..racing.race import race
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
@@ -154,7 +154,7 @@ class LapsExperiment:
             ratios = column(rows, "ratio")
             within, slide = int((ratios <= GREATEST_RATIO).sum()), float(np.nanmax(column(rows, "max_slide_m_s")))
             finished = sum(row["end_reason"] == "finished" for row in rows)
-            spread = f"{np.nanmin(ratios):.3f} to {np.nanmax(ratios):.3f}"
+            spread = span(ratios)
             sentences.append(
                 f"{planner}: {finished} of {len(rows)} races finished without a crash, greatest slide {slide:.3f} m/s; "
                 f"best lap {spread} times the lower bound of its own line (median {np.nanmedian(ratios):.3f}), at most "

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..messages import FloatArray
-from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, measured
+from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, log_from_zero, measured, span
 from ..simulation.world import World
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
@@ -120,7 +120,7 @@ def _sentences(laps: list[Row], knees: list[Row]) -> tuple[list[str], list[tuple
     expected: list[tuple[str, str, str]] = []
     begins, holds = column(knees, "sliding_from"), column(knees, "holds_at")
     if np.isfinite(begins).any():
-        spread = f"{np.nanmin(begins):.2f} to {np.nanmax(begins):.2f}"
+        spread = span(begins, ".2f")
         first = knees[int(np.nanargmin(begins))]
         safe = (
             f"Up to {holds.min():.2f} nothing slid anywhere: on such tracks, and with sensors as good as these, a "
@@ -162,10 +162,8 @@ def _relative(rows: list[Row], row: Row) -> float:
 
 
 def _change(relative: FloatArray) -> str:
-    changes = 100.0 * (relative[np.isfinite(relative)] - 1.0)
-    if len(changes) == 0:
-        return "no lap"
-    return f"{changes.min():+.0f} to {changes.max():+.0f} %"
+    changes = np.round(100.0 * (relative - 1.0)) + 0.0  # which makes -0 a 0
+    return f"{span(changes, '+.0f')} %" if np.isfinite(changes).any() else "no lap"
 
 
 def _draw(figure: matplotlib.figure.Figure, laps: list[Row]) -> None:
@@ -185,7 +183,7 @@ def _draw(figure: matplotlib.figure.Figure, laps: list[Row]) -> None:
             crashed = np.array([bool(row["crashed"]) for row in rows])
             slides.plot(ratio[crashed], column(rows, "max_slide_m_s")[crashed], "x", color="black", markersize=6.0)
         times.set_title(f"tires of mu {mu:g}", fontsize=8.0)
-        slides.set_yscale("log")
+        log_from_zero(slides, 1e-3)
         limit(slides, slides_above(DEFAULT_TIRES))
         for axes in axes_of_mu:
             axes.axvline(1.0, color="0.25", linewidth=0.6, zorder=1.0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..messages import FloatArray
 from ..pictures.course_drawing import draw_course
-from ..pictures.pages.figure_kit import COLOURS, column, finish, measured, theory
+from ..pictures.pages.figure_kit import COLOURS, column, finish, measured, span, theory
 from ..simulation.course_loading import load_track
 from ..simulation.world import World
 from ..vehicle.car import WHEELS
@@ -69,11 +69,10 @@ class PatchesExperiment:
         ratio, from_k, beyond = (column(acting, name) for name in ("acting_ratio", "runs_wide_from_k", "lateral_ratio"))
         brake = column(acting, "brake_onset")
         sentences = [
-            f"The friction that acts on a patch is {ratio.min():.3f} to {ratio.max():.3f} times the one asked for (a "
-            f"car that slides sideways). A car on a circle of {_RADIUS:g} m runs wide from {from_k.min():.3f} to "
-            f"{from_k.max():.3f} times sqrt(g mu R) of the patch; its lateral acceleration beyond is "
-            f"{beyond.min():.3f} to {beyond.max():.3f} mu g. In braking the rear axle slides at {brake.min():.3f} to "
-            f"{brake.max():.3f} times its closed form.",
+            f"The friction that acts on a patch is {span(ratio)} times the one asked for (a car that slides sideways). "
+            f"A car on a circle of {_RADIUS:g} m runs wide from {span(from_k)} times sqrt(g mu R) of the patch; its "
+            f"lateral acceleration beyond is {span(beyond)} mu g. In braking the rear axle slides at {span(brake)} "
+            "times its closed form.",
             f"No geom does that: where {ways[0]['asked_mu']:g} was asked for there acted {wrong}. A raised geom has "
             f"the right friction, and an edge that loads a tire {_of(ways, 'raised', 'edge_load_ratio'):.1f} times as "
             f"much; the patch here {_of(ways, 'site', 'edge_load_ratio'):.2f} times.",
@@ -207,7 +206,7 @@ def _on_laps(laps: list[Row]) -> list[str]:
 
 def _extremes(rows: list[Row]) -> str:
     crashes, slide = sum(bool(row["crashed"]) for row in rows), column(rows, "max_slide_m_s")
-    return f"{crashes} of {len(rows)} crash; greatest slide {slide.min():.3f} to {slide.max():.3f} m/s"
+    return f"{crashes} of {len(rows)} crash; greatest slide {span(slide)} m/s"
 
 
 def _draw_acting(figure: matplotlib.figure.Figure, acting: list[Row], ways: list[Row]) -> None:

@@ -195,8 +195,7 @@ def _cell(row: Row) -> str:
 
 
 def _span(rows: list[Row], name: str) -> str:
-    values = column(rows, name)
-    return f"{np.nanmin(values):.3f} to {np.nanmax(values):.3f}" if np.isfinite(values).any() else "no number"
+    return style.span(column(rows, name))
 
 
 def _wide(rows: list[Row]) -> list[Row]:
@@ -262,7 +261,7 @@ def _expected(tires: str, onsets: list[Row], curvatures: list[Row]) -> tuple[tup
             "within 1 %",
             f"{100 * slide_off:.1f} % at {_cell(slide_worst)}",
         ),
-        ("curvature beyond the limit, times k²", "within 5 %", f"{np.nanmin(wide):.3f} to {np.nanmax(wide):.3f}"),
+        ("curvature beyond the limit, times k²", "within 5 %", style.span(wide)),
     )
 
 

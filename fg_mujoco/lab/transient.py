@@ -213,8 +213,7 @@ def _share(rows: list[Row]) -> str:
 
 
 def _lost(rows: list[Row]) -> str:
-    lost = column(rows, "time_lost_s")
-    return f"{np.nanmin(lost):.2f} to {np.nanmax(lost):.2f}"
+    return style.span(column(rows, "time_lost_s"), ".2f")
 
 
 def _expected(tires: str, runs: list[Row]) -> tuple[tuple[str, str, str], ...]:
@@ -259,8 +258,7 @@ def _draw_time(figure: matplotlib.figure.Figure, tires: str, samples: list[Row])
         for axes, name in zip(panels, ("steering_rad", "speed_m_s", "slide_m_s"), strict=True):
             axes.plot(column(rows, "time_s"), column(rows, name), color=colour, label=law)
     style.limit(panels[2], slides_above(tires))
-    panels[2].set_yscale("log")
-    panels[2].set_ylim(1e-3, None)
+    style.log_from_zero(panels[2], 1e-3)
     panels[2].set_xlim(0.4, 2.0)
     style.finish(panels[0], "", "steering [rad]")
     style.finish(panels[1], "", "speed [m/s]", legend=False)

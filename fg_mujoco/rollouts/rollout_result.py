@@ -84,13 +84,17 @@ class RolloutResult(Shown):
     def _figures(self) -> list[tuple[str, str]]:
         """Return the figures for people, by name."""
         ends = Counter(self["end_reason"].tolist()).most_common()
-        laps = self["first_lap_s"][~np.isnan(self["first_lap_s"])]
+        first_laps = [
+            (f"median first lap{f', {track.name}' if len(self.tracks) > 1 else ''}", laps[~np.isnan(laps)])
+            for number, track in enumerate(self.tracks)
+            for laps in (self["first_lap_s"][self["track"] == number],)
+        ]
         won = [("won", f"{100.0 * self._among()['wins']:.0f} %")] if self.opponents.entries else []
         return [
             ("worlds", str(len(self))),
             ("ends", ", ".join(f"{count} {reason}" for reason, count in ends)),
             *won,
-            ("median first lap", f"{np.median(laps):.2f} s of {len(laps)}" if len(laps) else "none"),
+            *((name, f"{np.median(laps):.2f} s of {len(laps)}" if len(laps) else "none") for name, laps in first_laps),
             ("greatest sliding", f"{np.nanmax(self['max_slide_m_s'], initial=0.0):.3f} m/s"),
             ("simulated", f"{self['sim_time_s'].sum():.1f} s"),
         ]
@@ -169,8 +173,14 @@ class RolloutResult(Shown):
             "finished_count": self._finished,
             "finished_interval": list(wilson(self._finished, count)),
             "end_reasons": dict(Counter(self["end_reason"].tolist()).most_common()),
-            "first_lap_s": _quantiles(self["first_lap_s"]),
-            "best_lap_s": _quantiles(self["best_lap_s"]),
+            "lap_times": [
+                {
+                    "track": track.name,
+                    "worlds": int(np.sum(self["track"] == number)),
+                    **{name: _quantiles(self[name][self["track"] == number]) for name in ("first_lap_s", "best_lap_s")},
+                }
+                for number, track in enumerate(self.tracks)
+            ],
             "max_slide_m_s": _quantiles(self["max_slide_m_s"]),
             "slide_time_fraction": _quantiles(self["slide_time_fraction"]),
             "collisions_per_world": float(self["collisions"].sum()) / count,

@@ -4,6 +4,7 @@ import json
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from cases import each
@@ -44,3 +45,28 @@ def test_knee_that_is_not_there_is_nan_with_a_reason(monkeypatch, slide, reason)
     monkeypatch.setattr(mismatch, "drive_believing", lambda *_: SimpleNamespace(slide_time_fraction=slide))
     (row,) = EXPERIMENT.measure({"track": "oval", "mu": 0.6, "ratio": None})["knee"]
     assert math.isnan(row["sliding_from"]) and row["reason"] == reason
+
+
+@each(
+    ("ratios", "said"),
+    [([1.18, 1.182], "+18 %"), ([0.998, 1.002], "+0 %"), ([1.18, math.nan, 1.3], "+18 to +30 %"), ([], "no lap")],
+)
+def test_a_change_of_lap_times_is_one_number_where_both_ends_read_alike(ratios, said):
+    assert mismatch._change(np.array(ratios)) == said
+
+
+def test_a_slide_of_zero_is_in_the_picture():
+    from matplotlib.figure import Figure
+
+    rows = [
+        {"track": "oval", "mu": 1.0, "ratio": ratio, "best_lap_s": 9.0, "max_slide_m_s": slide, "sliding_share": 0.0,
+         "crashed": False}
+        for ratio, slide in ((0.7, 0.0), (1.0, 0.001), (1.3, 5.0))
+    ]  # fmt: skip
+    figure = Figure()
+    mismatch._draw(figure, rows)
+    slides = figure.axes[1]
+    (line,) = [each for each in slides.lines if len(each.get_xdata()) == 3]
+    heights = slides.transData.transform(np.column_stack((line.get_xdata(), line.get_ydata())))[:, 1]
+    low, high = slides.get_window_extent().y0, slides.get_window_extent().y1
+    assert np.isfinite(heights).all() and low - 1e-6 <= heights[0] < heights[1] < heights[2] <= high

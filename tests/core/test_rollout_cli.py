@@ -66,9 +66,21 @@ def test_json_is_one_object_without_nan(no_engine, here, capsys):
     assert summary["end_reasons"]["crash"] > 0  # and yet it exits 0: all worlds were driven
     finished = summary["end_reasons"]["finished"]
     assert (summary["finished_count"], summary["finished_interval"]) == (finished, list(wilson(finished, 20)))
-    assert summary["first_lap_s"]["count"] == summary["best_lap_s"]["count"] == finished  # the others drove no lap
+    (laps,) = summary["lap_times"]
+    assert laps["first_lap_s"]["count"] == laps["best_lap_s"]["count"] == finished  # the others drove no lap
     assert summary["max_slide_m_s"]["count"] == 20
     assert summary["world_seconds_per_second"] > 0
+
+
+def test_lap_times_are_told_for_each_track_and_names_keep_apart_from_values(no_engine, here, capsys):
+    """A median over tracks of other lengths says nothing."""
+    drawn = ["--controller", "follow_the_gap", "--randomize", "planner.bubble_radius=0.2:0.8"]
+    assert main(["rollout", "--track", "oval", "--track", "tight", "--n", "40", *drawn]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for track in ("oval", "tight"):
+        (told,) = [line for line in lines if line.strip().startswith(f"first lap, {track}")]
+        assert f"median {fg.load_track(track).length / 8.0:.3f} s" in told and "of 20 worlds" in told
+    assert "  planner.bubble_radius 0.2:0.8" in lines
 
 
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):

@@ -101,7 +101,7 @@ def test_the_summary_counts_all_worlds(no_engine):
     assert summary["finished"] == finished / 200
     assert summary["worlds_driven"] == 200
     assert summary["world_seconds"] == sum(seed % 10 for seed in result["seed"].tolist())
-    assert summary["first_lap_s"]["q50"] == pytest.approx(result.tracks[0].length / 8.0)
+    assert summary["lap_times"][0]["first_lap_s"]["q50"] == pytest.approx(result.tracks[0].length / 8.0)
     assert summary["max_slide_m_s"]["q5"] == pytest.approx(0.55, abs=0.1)  # the stand-in has mu there
     assert summary["max_slide_m_s"]["q100"] == result["mu"].max()
 

@@ -31,6 +31,6 @@ def stand_in(scenarios, controller, *, laps=None, time_limit=None, record="summa
         states.append(random.random((ticks + 1, STATE + len(scenario.obstacles))))
         ctrl.append(random.random((ticks, 2)))
         if watch is not None:
-            watch(i, len(scenarios))
+            watch(float(ticks))
     return WorldResults(rows=rows, lap_times_s=lap_times, telemetry=tuple(telemetry) if record != "summary" else (),
         states=tuple(states) if record == "states" else (), ctrl=tuple(ctrl) if record == "states" else ())  # fmt: skip

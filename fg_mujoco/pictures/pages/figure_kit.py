@@ -157,6 +157,12 @@ def limit(axes: Axes, y: float, label: str = "") -> None:
     axes.axhline(y, color="0.25", linewidth=0.8, linestyle=(0, (4, 2)), label=label or None, zorder=1.5)
 
 
+def log_from_zero(axes: Axes, least: float) -> None:
+    """Make the vertical axis logarithmic above `least`, and even from there to 0, which a logarithm leaves out."""
+    axes.set_yscale("symlog", linthresh=least)
+    axes.set_ylim(0.0, None)
+
+
 def finish(axes: Axes, x_label: str, y_label: str, *, legend: bool = True) -> None:
     """Name the axes, with their units, and add the legend if there is anything in it."""
     axes.set(xlabel=x_label, ylabel=y_label)
@@ -167,3 +173,11 @@ def finish(axes: Axes, x_label: str, y_label: str, *, legend: bool = True) -> No
 def column(rows: Sequence[dict[str, Any]], name: str) -> Any:
     """Return a column of a table as numbers, NaN where there is none. Shape (n,)."""
     return np.array([np.nan if row.get(name) is None else row[name] for row in rows], dtype=np.float64)
+
+
+def span(values: ArrayLike, form: str = ".3f") -> str:
+    """Return the least and the greatest of some values that are numbers, as text; one, where both read alike."""
+    known = np.asarray(values, np.float64)
+    known = known[np.isfinite(known)]
+    ends = dict.fromkeys(f"{end:{form}}" for end in (known.min(), known.max())) if len(known) else ("no number",)
+    return " to ".join(ends)
