@@ -29,7 +29,7 @@ from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle, require_obstacles
 from ..display import brief, quoted
-from ..errors import SettingsError, accepted_names
+from ..errors import ModelError, SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..lidar.visible_surfaces import ScanlineScene
 from ..messages import CarParameters, FloatArray, shown
@@ -241,7 +241,13 @@ def _kept(track: Course, builds: tuple[WorldCar, ...], *others: Any) -> tuple[st
 def _built(*parts: Any) -> tuple[str, mujoco.MjModel]:
     """Return the same, made anew."""
     text = _text_of(*parts)
-    return text, _compiled(text)
+    try:
+        return text, _compiled(text)
+    except (ValueError, mujoco.FatalError) as error:
+        raise ModelError(
+            f"MuJoCo does not read the world that it wrote: {' '.join(str(error).split())}; accepted: a vehicle "
+            "without the element that it names"
+        ) from error
 
 
 @lru_cache(maxsize=8)

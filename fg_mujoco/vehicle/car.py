@@ -137,16 +137,17 @@ def steering_of(model: mujoco.MjModel, prefix: str = "") -> tuple[int, tuple[int
 
 
 def _greatest_force(model: mujoco.MjModel, drive: int) -> float:
-    """Return the greatest force of the drive on the ground [N]: of the servo, its tendon, and the wheels' joints."""
+    """Return the force that the drive has in both directions [N]: of the servo, its tendon, and the wheels' joints."""
     tendon = int(model.actuator_trnid[drive, 0])
-    force = float(model.actuator_forcerange[drive, 1] * model.actuator_gear[model.actuator_outadr[drive], 0])
+    gear = abs(float(model.actuator_gear[model.actuator_outadr[drive], 0]))
+    forces = [gear * float(np.abs(model.actuator_forcerange[drive]).min())]
     if model.tendon_actfrclimited[tendon]:
-        force = min(force, float(model.tendon_actfrcrange[tendon, 1]))
+        forces.append(float(np.abs(model.tendon_actfrcrange[tendon]).min()))
     for wrap in range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon]):
         joint = int(model.wrap_objid[wrap])
         if model.jnt_actfrclimited[joint]:
-            force = min(force, float(model.jnt_actfrcrange[joint, 1] / model.wrap_prm[wrap]))
-    return force
+            forces.append(float(np.abs(model.jnt_actfrcrange[joint]).min() / model.wrap_prm[wrap]))
+    return min(forces)
 
 
 def _positive(value: Any, what: str) -> float:

@@ -29,6 +29,7 @@ _LONGEST = (0.35, 0.5)  # [-] of a short step times the fastest rate of the tire
 _MOST_STEPS = 64  # short ones in a physics step
 _MOST_COMMON = 16  # dofs that move more than one wheel, at most
 _FIRST_AXLE = "front"
+_ALONG = 0.999  # [-] cosine between the axis of a tire and the axle of its wheel, at least
 _NEVER = -1.0  # [m] margin of a pair that MuJoCo is to leave alone: a tire is never as deep
 _COUPLED = 1.0  # [-] of what a tendon may damp in a physics step, which takes its force of the step's beginning
 _ON_CONTACTS = "or MuJoCo's own tires: a text 'tires' with data 'contact'"
@@ -204,6 +205,7 @@ def _require_plain_contact(model: mujoco.MjModel, prefix: str, wheels: Sequence[
             value = float(getattr(model, f"pair_{name}")[pair])
             if value != 0.0 and value != _NEVER:
                 raise ModelError(f"pair '{wheel}_tire' has {name} {value:g}; accepted: 0, {_ON_CONTACTS}")
+        _require_round(model, prefix, wheel)
     most = _COUPLED / float(model.opt.timestep)
     for tendon in range(model.ntendon):
         if not (rate := _damped_by(model, tendon)) <= most:
@@ -211,6 +213,23 @@ def _require_plain_contact(model: mujoco.MjModel, prefix: str, wheels: Sequence[
             raise ModelError(
                 f"tendon {name!r} damps its joints at {rate:.4g} /s; accepted: up to {most:.4g} /s, {_ON_CONTACTS}"
             )
+
+
+def _require_round(model: mujoco.MjModel, prefix: str, wheel: str) -> None:
+    """Refuse a tire that is not round about its wheel's axle: `_find_wheel` takes its first size for the radius."""
+    geom = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{wheel}_tire")
+    kind, kinds, turn = model.geom_type[geom], mujoco.mjtGeom, np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+    across = {int(kinds.mjGEOM_ELLIPSOID): 1, int(kinds.mjGEOM_CYLINDER): 2, int(kinds.mjGEOM_CAPSULE): 2}
+    axle = model.jnt_axis[element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel")]
+    round_about = kind in across and abs(turn.reshape(3, 3)[:, across[int(kind)]] @ axle) > _ALONG
+    if kind == kinds.mjGEOM_ELLIPSOID:
+        round_about = round_about and model.geom_size[geom, 0] == model.geom_size[geom, 2]
+    if not round_about and kind != kinds.mjGEOM_SPHERE:
+        raise ModelError(
+            f"geom '{wheel}_tire' is not round about the axle of its wheel; accepted: a sphere, or an ellipsoid, "
+            f"cylinder or capsule with its axis along it, {_ON_CONTACTS}"
+        )
 
 
 def _damped_by(model: mujoco.MjModel, tendon: int) -> float:

@@ -85,6 +85,13 @@ def test_a_part_in_the_beams_of_the_lidar_is_refused(tmp_path, rise, alpha, is_m
         fg.Vehicle.load(path)
 
 
+def test_a_world_that_mujoco_writes_and_does_not_read_is_refused_in_a_line(tmp_path):
+    path = tmp_path / "mine.xml"
+    path.write_text(edited(("</sensor>", '<user dim="3" needstage="vel"/></sensor>')), encoding="utf-8")
+    with pytest.raises(fg.ModelError, match=r"^MuJoCo does not read the world that it wrote: .* 'user'.*; accepted: "):
+        fg.World("oval", path)
+
+
 def test_a_world_has_the_memory_that_it_needs_whatever_the_car_alone_does_with(tmp_path):
     path = tmp_path / "mine.xml"
     path.write_text(edited(('memory="2M"', 'memory="20K"')), encoding="utf-8")
@@ -214,6 +221,9 @@ def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, aft
         ([('<geom name="rear_left_tire" class="tire"', '<geom name="rear_left_tire" pos="0 0.02 0" class="tire"')],
          "geom 'rear_left_tire' is 0.02 m from its body's origin"),
         ([('axis="0 1 0"', 'axis="0 1 0" range="-2 2"')], "joint 'front_left_wheel' has a range; accepted: none"),
+        ([('type="ellipsoid" size="0.0493925 0.020 0.0493925"', 'type="box" size="0.0493925 0.020 0.0493925"')],
+         "geom 'front_left_tire' is not round about the axle of its wheel; accepted: a sphere"),
+        ([('size="0.0493925 0.020 0.0493925"', 'size="0.020 0.0493925 0.0493925"')], "tire' is not round about"),
         ([("</worldbody>", '<body name="ghost" mocap="true"/></worldbody>')], "body 'ghost' is a mocap body"),
         ([('<joint name="ackermann_left"', '<joint active="false" name="ackermann_left"')], "kingpins is not active"),
         ([('axis="0 0 1" damping="0.023"', 'axis="0 0 -1" damping="0.023"')], "rad/s when it is steered to the left;"),

@@ -106,16 +106,17 @@ def test_planners_are_told_where_a_steering_ends(tmp_path, changes, greatest):
     [
         ('<joint type="hinge" axis="0 1 0"', '<joint actuatorfrcrange="-.1 .1" type="hinge" axis="0 1 0"', 0.4 / 0.049),
         ('<fixed name="drive"', '<fixed name="drive" actuatorfrcrange="-9 9"', 9.0),
+        ('forcerange="-38.2608 38.2608"', 'forcerange="-9 38.2608"', 9.0),  # it brakes by no more
     ],
 )
 def test_a_limit_of_the_wheels_or_their_tendon_bounds_the_drive_and_planners_know(tmp_path, before, after, share):
     simulation = fg.Simulation(fg.World(fg.OpenGround(seconds=5.0), car(tmp_path, [(before, after)])))
-    simulation.reset(speed=0.0)
+    simulation.reset(speed=4.0)
     for _ in range(20):
-        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=20.0))
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=-5.0))
     told = simulation.world.parameters.max_acceleration
     assert told == pytest.approx(share / 4.0232, rel=1e-3)
-    assert simulation.world.car.ground_speed(simulation.data) / 0.5 == pytest.approx(told, rel=0.02)
+    assert (4.0 - simulation.world.car.ground_speed(simulation.data)) / 0.5 == pytest.approx(told, rel=0.02)
 
 
 def test_planners_know_the_filter_of_a_drive(tmp_path):
