@@ -55,7 +55,7 @@ class Driving:
     def __init__(self, graph: Graph, car: CarParameters, said: Callable[[], str]) -> None:
         self._graph, self._car, self._said = graph, car, said
         self._last: tuple[float, float] | None = None  # command that was made of numbers
-        self._reset_told = False
+        self._reset_told = self._motor_told = False
         self._of_current = (0.0, 0)  # speed [m/s] that the motor's current has asked for, and when [ns]
         self._bad, self._counted = 0, 0  # commands in a row that were not, and messages when that was found
 
@@ -106,6 +106,8 @@ class Driving:
         """
         topics = self.topics()
         self._tell_of_resets()
+        if topics:
+            self._tell_of_motor(topics)
         brake = self._brake()
         if brake is not None:
             return brake
@@ -140,6 +142,15 @@ class Driving:
                 self._reset_told = True
                 said = f"{self._said()} has published on {each.topic}{each.place}"
                 warnings.warn(f"{said}: a race has no reset; the car does not move", stacklevel=3)
+
+    def _tell_of_motor(self, topics: Sequence[Publication]) -> None:
+        """Warn once of a node that commands the VESC's motor beside another topic that drives the car."""
+        for each in () if self._motor_told else self._graph.publications:
+            motor = _VESC.fullmatch(each.topic) if each.count else None
+            if motor and motor[1] in ("duty_cycle", "current", "brake") and not _VESC.fullmatch(topics[0].topic):
+                self._motor_told = True
+                said = f"{self._said()} has published on {each.topic}{each.place}"
+                warnings.warn(f"{said}, which is not read: {topics[0].topic} drives the car", stacklevel=3)
 
     def _of_one(self, message: Any, topic: Publication) -> tuple[tuple[float, float], str]:
         """Return speed and angle of a message, and what in it is no number: nothing, or name, value and topic."""

@@ -542,7 +542,7 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
     geometry: dict[str, Any] = dict.fromkeys(
         ("do_transform_point", "do_transform_pose", "do_transform_vector3"), frames.moved
     )
-    geometry["do_transform_pose_stamped"] = frames.moved
+    geometry["do_transform_pose_stamped"] = geometry["do_transform_pose_with_covariance_stamped"] = frames.moved
     for name in ("PointStamped", "PoseStamped", "Vector3Stamped", "PoseWithCovarianceStamped"):
         geometry[name] = frames.kind(name)
     modules: dict[str, ModuleType] = {

@@ -175,6 +175,15 @@ def test_the_vescs_motor_is_driven_by_speed_duty_current_and_brake(body, expecte
     assert found[-1] == (pytest.approx(expected, abs=1e-6), pytest.approx(0.0, abs=1e-9))
 
 
+def test_a_motor_that_is_braked_beside_the_drive_topic_is_told_once(tmp_path):
+    head = ROS2.replace("import Bool, ", "import Bool, Float64, ")
+    body = "self.drive(1.0)\nself.motors['brake'].publish(Float64(data=9.0))"
+    planner = make(node2(tmp_path, body, MOTOR, head=head))
+    with pytest.warns(UserWarning, match=r"/vesc/commands/motor/brake .*which is not read: /drive drives") as caught:
+        assert speeds(planner, 3) == [1.0] * 3
+    assert len(caught) == 1
+
+
 TEAM = """
 import rclpy
 from rclpy.action import ActionClient, ActionServer
