@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -93,11 +93,11 @@ def motor_fields(odometry: Odometry, mass: float) -> dict[str, float]:
 
 def motor_message(odometry: Odometry, mass: float) -> Any:
     """Return vesc_msgs/VescStateStamped of ROS 2, as the VESC's driver has it."""
-    types = type_store().types
-    state = types["vesc_msgs/msg/VescState"]
-    told = motor_fields(odometry, mass)
-    values = {each.name: told.get(each.name, 0.0 if each.type == "float" else 0) for each in fields(state)}
-    return types[MOTOR](header=imu_message(odometry, frame="").header, state=state(**values))
+    kind, store, told = "vesc_msgs/msg/VescState", type_store(), motor_fields(odometry, mass)
+    # of a field: its name, and what it is of: (1, (name of the type, bound))
+    values = {name: told.get(name, 0.0 if said[0] == "float64" else 0) for name, (_, said) in store.fielddefs[kind][1]}
+    header = imu_message(odometry, frame="").header
+    return store.types[MOTOR](header=header, state=store.types[kind](**values))
 
 
 @dataclass(frozen=True)

@@ -2,23 +2,23 @@
 
 import math
 import warnings
-from dataclasses import fields
 
 import numpy as np
 import pytest
 
-from bag_worlds import CAR, EPOCH, SECOND, header, make, robot_odometry, robot_scan, rotation, transforms, vector
+from bag_worlds import CAR, EPOCH, SECOND, header, robot_odometry, robot_scan, rotation, transforms, vector
 from bag_worlds import write_bag as write
 from cases import each
 from fg_mujoco.addons.realcar.bag_drive import read_drives
 from fg_mujoco.addons.realcar.mapping.bag_sweeps import read_sweeps
-from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, drive_message, type_store
+from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, drive_message
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
-from fg_mujoco.addons.ros.composed_topics import SPEED_TO_ERPM
+from fg_mujoco.addons.ros.composed_topics import motor_message
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import DriveCommand
+from scan_worlds import odometry_of
 
 STEP, RADIUS, SPEED = SECOND // 20, 1.8, 1.5
 BEARINGS = np.linspace(-2.0, 2.0, 201)
@@ -33,10 +33,9 @@ def seen(x, y, heading):
 
 
 def motor(time, speed):
-    kind = type_store().types["vesc_msgs/msg/VescState"]
-    whole = {"fault_code": 0, "displacement": 0, "distance_traveled": 0, "controller_id": 0}
-    state = kind(**{each.name: 0.0 for each in fields(kind)} | {"speed": speed * SPEED_TO_ERPM} | whole)
-    return make(MOTOR, header=header(time, ""), state=state)
+    message = motor_message(odometry_of(speed), 1.0)
+    message.header = header(time, "")
+    return message
 
 
 def circle(folder, signs, *, direction=1, lidar=0.0, scans=True, commands=True, core=None, localised=False, ticks=50):
