@@ -9,7 +9,8 @@ Messages are taken in the order in which they were received. The odometry that a
 - speed: Odometry.twist; else from pose to pose, of PoseStamped, PoseWithCovarianceStamped or the transforms from odom
   or map to the car; else the motor's of the VESC; else the last drive command's; else 0
 - steering angle: JointState of the joint "steering"; else the last drive command's; else 0
-- angular velocity: an Imu with a gyro; else as the speed, from the twist or from pose to pose; else 0
+- angular velocity: an Imu with a gyro; else as the speed, from the twist or from pose to pose; else that
+  of the speed and the steering angle by the wheelbase
 - linear acceleration: an Imu with an accelerometer; else gravity alone
 - wheel speeds: JointState of the joints "front_left_wheel" and so on; else the speed
 - pose: PoseStamped or PoseWithCovarianceStamped on the map; else Odometry.pose, where its frame is map or the bag has
@@ -409,7 +410,7 @@ class _Known:
         """Return the odometry of the last messages received."""
         odometry, drive = self._last.get(ODOMETRY), self._last.get(DRIVE)
         twist = odometry.twist.twist if odometry is not None and self._has_twist else None
-        speed, yaw_rate = self._motion.rates() if self._motion else (0.0, 0.0)
+        speed, yaw_rate = self._motion.rates() if self._motion else (0.0, math.nan)
         if twist is not None:
             speed = twist.linear.x
         elif not self._motion:
@@ -422,8 +423,10 @@ class _Known:
         if steering is None:
             steering = drive.drive.steering_angle if drive is not None else 0.0
         turning = [self._joints.get((wheel, "velocity")) for wheel in WHEEL_JOINTS]
-        if twist is not None and math.isfinite(twist.angular.z):
+        if twist is not None:
             yaw_rate = twist.angular.z
+        if not math.isfinite(yaw_rate):
+            yaw_rate = speed * math.tan(min(max(steering, -1.5), 1.5)) / self._car.wheelbase
         source = self._last.get(self._odometry[0]) if self._odometry is not None else None
         return Odometry(
             stamp=(stamp_of(source) + self._shift) / 1e9 if source is not None else stamp,

@@ -70,6 +70,7 @@ def test_without_odometry_the_car_does_what_was_commanded_before_the_scan(tmp_pa
     assert first.odometry.speed == 0.0  # the command of that moment is the answer to that scan
     assert (second.odometry.speed, second.odometry.steering_angle) == (1.5, 0.25)
     assert second.odometry.wheel_speeds.tolist() == [1.5] * 4
+    assert second.odometry.yaw_rate == pytest.approx(1.5 * math.tan(0.25) / CAR.wheelbase)
 
 
 def test_odometry_is_the_last_received_when_the_scan_came_in_or_in_its_moment(tmp_path):
