@@ -110,6 +110,8 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Set
         said = "there are none: its course or its planner was an object"
         raise RunFolderError(f"{where}: {said}; accepted: a run of a course and planners by name")
     values = {str(name): value for name, value in settings.items() if value is not None}
+    if "sensors" in given:  # of files, for example, whose names the folder cannot find
+        values.pop("sensors", None)
     names, speeds = values.pop("opponents", None) or [], values.pop("opponent_max_speed", None) or []
     rows = summary.get("cars") or [summary]
     cars = values.get("entries") or [values, *({"controller": name} for name in names)]

@@ -10,6 +10,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
+from fg_mujoco.cli.main import main
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.simulation.cars import WorldCar
@@ -331,6 +332,21 @@ def test_a_sensor_of_a_file_that_fails_is_told_with_its_line(given, said, tmp_pa
     Path("own.py").write_text(OWN)
     Path("typo.py").write_text("\nnumpy.pi")
     assert said in refused(tmp_path, capsys, "race", "--assist", "none", "--laps", "1", "--sensors", given)
+
+
+def test_a_run_with_a_sensor_of_a_file_is_raced_again_where_the_file_is_named(
+    tmp_path, monkeypatch, capsys, without_pictures
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(SENSORS, "_own", dict(SENSORS._own))
+    Path("own.py").write_text(OWN.replace("car.time > 0.099", "False"))
+    named = ["--sensors", "sensor=own.py:Fails,rate=50", "--out", "run"]
+    assert main(["race", "--assist", "none", "--laps", "1", "--time-limit", "0.1", *named]) == 1
+    del SENSORS._own["Fails"]  # as in another process
+    assert main(["race", "--config", "run", "--sensors", "own.py:Fails"]) == 1
+    del SENSORS._own["Fails"]
+    capsys.readouterr()
+    assert "sensors[0] is 'Fails'; accepted" in refused(tmp_path, capsys, "race", "--config", "run")
 
 
 # -- environments
