@@ -179,7 +179,8 @@ ENTITIES = {
     "car.launch.xml": """<launch><arg name="v" default="1.0"/><let name="n" value="$(var v)$(dirname)"/>
 <group scoped="true" unless="$(equals $(var v) 2)"><push_ros_namespace namespace="a"/>
 <node pkg="car" exec="drive" args="'a b' $(var v)"><param name="a" value="[$(var v), 2.0]"/><param name="b"><param
- name="c" value="1, 2" value-sep=", " type="float"/></param><remap from="x" to="/y"/><env name="E" value="$(optenv Z)"/>
+ name="c" value="1, 2" value-sep=", " type="list_of_float"/></param>
+<remap from="x" to="/y"/><env name="E" value="$(optenv Z)"/>
 <param from="$(find-pkg-share car)/car.yaml"/></node></group><include file="$(dirname)/inner.launch.py"/></launch>""",
     "car.launch.yaml": """launch:
 - arg: {name: v, default: '1.0', choice: [{value: '1.0'}, {value: '2'}]}

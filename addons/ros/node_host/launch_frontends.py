@@ -27,7 +27,7 @@ _PROCESS = (
 )  # fmt: skip
 """Attributes of a process that change nothing here."""
 _NODE = {
-    "pkg": "package", "exec": "executable", "name": "name", "namespace": "namespace",
+    "exec": "executable", "pkg": "package", "name": "name", "namespace": "namespace",
     **dict.fromkeys(("args", "ros_args", *_PROCESS), ""),
 }  # fmt: skip
 _IN_NODE = ("param", "remap", "env")
@@ -39,8 +39,8 @@ _ACTIONS: dict[str, tuple[str, dict[str, str], int, tuple[str, ...]]] = {
     "arg": ("DeclareLaunchArgument", {"name": "name", "default": "default_value", "description": ""}, 1, ("choice",)),
     "let": ("SetLaunchConfiguration", {"name": "name", "value": "value"}, 2, ()),
     "include": ("IncludeLaunchDescription", {"file": "launch_description_source"}, 1, ("arg", "let")),
-    "node": ("Node", _NODE, 2, _IN_NODE),
-    "lifecycle_node": ("LifecycleNode", _NODE, 2, _IN_NODE),
+    "node": ("Node", _NODE, 1, _IN_NODE),
+    "lifecycle_node": ("LifecycleNode", _NODE, 1, _IN_NODE),
     "push_ros_namespace": ("PushRosNamespace", {"namespace": "namespace"}, 1, ()),
     "set_remap": ("SetRemap", {"from": "src", "to": "dst"}, 2, ()),
     "set_parameter": ("SetParameter", {"name": "name", "value": ""}, 2, ()),
@@ -70,7 +70,7 @@ _SUBSTITUTIONS = {
     "exec-in-pkg": "ExecutableInPackage", "file-content": "FileContent",
 }  # fmt: skip
 """Command and those behind it are refused where a node that is here depends on them."""
-_KINDS = {"str": str, "int": int, "float": float, "bool": bool}
+_KINDS = {name: kind for kind in (str, int, float, bool) for name in (kind.__name__, f"list_of_{kind.__name__}")}
 _NAME, _GAP = re.compile(r"[A-Za-z][\w-]*"), re.compile(" +")
 _LINE = "__line__"  # of a mapping in YAML
 _MARK = 0xE000  # a character for private use, and those behind it
@@ -211,7 +211,11 @@ class _Frontend:
 
     def _one_value(self, entity: _Entity, value: Any, kind: Any) -> Any:
         text = self._text(entity, value) if isinstance(value, str) else value
-        return text if kind not in _KINDS else self._new(entity, "ParameterValue", text, value_type=_KINDS[kind])
+        if kind in (None, "yaml"):
+            return text
+        if kind not in _KINDS:
+            raise self._refused(entity, f"type is {kind!r}; {accepted_names(str(kind), (*_KINDS, 'yaml'))}")
+        return self._new(entity, "ParameterValue", text, value_type=_KINDS[kind])
 
     def _pair(self, entity: _Entity, first: str, second: str) -> tuple[Made, Made]:
         self._check(entity, (first, second, "description"), 2, ())
