@@ -28,6 +28,7 @@ from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.settings import friction_text
 from fg_mujoco.simulation.world import World
+from fg_mujoco.vehicle.tire_slip import share_text, sliding_text
 
 _SIZE = (560.0, 420.0)  # [px] greatest width and height of a drawing, without its strip
 _STRIP = 26.0  # [px] below a drawing, for its scale and its legend
@@ -135,7 +136,8 @@ def _race_html(result: RaceResult) -> str:
         ("end", f"{car.end_reason.replace('_', ' ')}: {car.end}"),
         *(_lap_rows(result) if result.laps_requested else [("time", f"{result.sim_time_s:.2f} s")]),
         ("speed", f"mean {car.mean_speed_m_s:.2f} m/s, greatest {car.max_speed_m_s:.2f} m/s"),
-        ("greatest sliding", f"{car.max_slide_m_s:.3f} m/s, {100.0 * car.slide_time_fraction:.2f} % of the time"),
+        ("greatest sliding", sliding_text(car.max_slide_m_s, 3)),
+        ("time sliding", share_text(car.slide_time_fraction)),
         *([("fastest sliding", car.max_slide_place)] if car.max_slide_place else []),
         ("friction coefficient", friction_text(car.mu, car.planner_mu, car.floor)),
     ]
@@ -162,7 +164,7 @@ def _html_of_several(result: RaceResult) -> str:
         end = f"{car.end_reason.replace('_', ' ')} at {car.end_time_s:.2f} s"
         rows.append((
             f"{car.position}.", index, car.name, f"{car.controller}, {car.vehicle}", car.laps_completed, best, end,
-            car.collisions_car, f"{car.max_slide_m_s:.3f} m/s",
+            car.collisions_car, sliding_text(car.max_slide_m_s, 3),
         ))  # fmt: skip
     header = ("", "car", "name", "planner, vehicle", "laps", "best lap", "end", "contacts", "greatest sliding")
     lines = []

@@ -19,6 +19,7 @@ from ..lab.manoeuvres import MANOEUVRES
 from ..pictures.plots import write_run
 from ..racing.hints import clamped_hint
 from ..racing.run_folder import check_run_folder, summary_json
+from ..vehicle.tire_slip import share_text, sliding_text
 from .command import CONFIG, JSON, TRUST, can_draw, command, number, option
 from .options import setup_of, setup_options
 from .out import PAGE, RUN, out_options, write_page
@@ -105,7 +106,8 @@ def _table(result: RaceResult, out: str | None) -> str:
         if name in figures:
             rows.append((title, "-" if math.isnan(figures[name]) else text(figures[name])))
     rows += [
-        ("greatest sliding", f"{car.max_slide_m_s:.4f} m/s, {100.0 * car.slide_time_fraction:.2f} % of the time"),
+        ("greatest sliding", sliding_text(car.max_slide_m_s)),
+        ("time sliding", share_text(car.slide_time_fraction)),
         *([("fastest sliding", car.max_slide_place)] if car.max_slide_place else []),
         ("top speed", f"{car.max_speed_m_s:.2f} m/s"),
         ("clamped commands", f"{car.clamped_commands} of {len(car.telemetry)}"),

@@ -20,7 +20,7 @@ from ..racing.result import RaceResult
 from ..racing.rules import find_rules
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
-from ..vehicle.tire_slip import sliding_rule
+from ..vehicle.tire_slip import share_text, sliding_rule, sliding_text
 from .command import CONFIG, JSON, OUTPUT, TRUST, can_draw, command, option
 from .options import in_one_line, setup_of, setup_options
 from .out import PAGE, RUN, out_options, write_page
@@ -134,10 +134,10 @@ def race_table(result: RaceResult, out: str | None) -> str:
         ("laps", f"{car.laps_completed} of {result.laps_requested}, {car.end_reason.replace('_', ' ')}"),
         *laps,
         ("collisions", _collisions(result)),
-        ("greatest sliding", f"{car.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(car.tires_model)})"),
+        ("greatest sliding", sliding_text(car.max_slide_m_s, more=f" (a tire slides {sliding_rule(car.tires_model)})")),
         *([("fastest sliding", car.max_slide_place)] if car.max_slide_place else []),
-        ("sliding sideways", f"{car.max_lateral_slide_m_s:.4f} m/s at most"),
-        ("time sliding", f"{100.0 * car.slide_time_fraction:.2f} %"),
+        ("sliding sideways", sliding_text(car.max_lateral_slide_m_s, more=" at most")),
+        ("time sliding", share_text(car.slide_time_fraction)),
         ("friction", friction_text(car.mu, car.planner_mu, car.floor)),
         ("assist", car.assist),
         ("top speed", f"{car.max_speed_m_s:.2f} m/s"),

@@ -20,7 +20,7 @@ from ..rollouts.rollout_result import RolloutResult
 from ..rollouts.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProgress, rollout_setup
 from ..rollouts.store import as_json
 from ..simulation.settings import friction_text
-from ..vehicle.tire_slip import sliding_rule
+from ..vehicle.tire_slip import NO_PEAK, sliding_rule
 from .command import CONFIG, JSON, TRUST, command, named_values, option, whole
 from .options import NAMES, setup_of, setup_options
 from .out import STUDY, out_options
@@ -101,11 +101,12 @@ def _table(result: RolloutResult, out: str | None) -> str:
     reasons = ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in summary["end_reasons"].items())
     low, high = summary["finished_interval"]
     rule = sliding_rule(result.base.tire_set.model)
+    slid = _spread(summary["max_slide_m_s"], f"m/s (a tire slides {rule})", len(result))
     rows = [
         ("worlds", f"{len(result)}: {reasons}"),
         ("finished", f"{100.0 * summary['finished']:.1f} %; 95 % interval: {100.0 * low:.1f} to {100.0 * high:.1f} %"),
         *_lap_times(summary["lap_times"]),
-        ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides {rule})", len(result))),
+        ("greatest sliding", slid if result.base.tire_set.slides or summary["max_slide_m_s"] else NO_PEAK),
         ("friction", _friction(result)),
         ("simulated", f"{summary['world_seconds']:.1f} s"),
     ]

@@ -45,7 +45,7 @@ TRUNCATIONS = ("wrong_way", "no_progress", "time_limit")
 
 FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
 """Facts of an episode: seconds and metres since its beginning, laps completed, the share of the last tick in which a
-tire slid, and the number of clipped actions."""
+tire slid, NaN of tires without a peak, and the number of clipped actions."""
 
 FACTS_AMONG_CARS = ("touches", "position", "lead_m")
 """Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead
@@ -379,7 +379,8 @@ class Episodes:
     def facts(self) -> dict[str, NDArray[Any]]:
         """Return the facts of all episodes, new arrays (n,) by name, in the order of `fact_names`."""
         worlds = self.worlds
-        values = [worlds.times, self._progress.copy(), self._laps.copy(), worlds.sliding.copy(), self.clipped.copy()]
+        sliding = np.where(np.isnan(worlds.slid), np.nan, worlds.sliding)
+        values = [worlds.times, self._progress.copy(), self._laps.copy(), sliding, self.clipped.copy()]
         if worlds.cars > 1:
             values += worlds.touches.copy(), worlds.positions, worlds.leads
         if worlds.contacts is not None:
@@ -390,7 +391,8 @@ class Episodes:
     def facts_of(self, i: int) -> dict[str, Any]:
         """Return the facts of episode i, numbers by name."""
         worlds, time = self.worlds, self.worlds.engine.time(i // self.worlds.agents)
-        values = [time, self._progress.item(i), self._laps.item(i), worlds.sliding.item(i), self.clipped.item(i)]
+        sliding = worlds.sliding.item(i) if worlds.slid.item(i) >= 0.0 else np.nan
+        values = [time, self._progress.item(i), self._laps.item(i), sliding, self.clipped.item(i)]
         if worlds.cars > 1:
             values += worlds.touches.item(i), worlds.positions.item(i), worlds.leads.item(i)
         if worlds.contacts is not None:

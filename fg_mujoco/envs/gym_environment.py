@@ -55,9 +55,10 @@ class F1TenthEnv(Remade, gymnasium.Env[Observation, NDArray[np.float32]]):
 
     An episode is terminated by a crash, by the last lap and by a physics that breaks down; it is truncated by the time
     limit, by ten seconds without progress and by five metres the wrong way. `info` has `time_s`, `progress_m`, `laps`,
-    `sliding` (share of the tick in which a tire slid) and `clipped_actions`; with opponents `touches` (of other cars so
-    far), `position` (1 in front) and `lead_m` (on the foremost other car); of each reward term `reward_NAME`, its part
-    of the tick's reward, and `return_NAME`, the sum of the episode; and at the end `end_reason` and `lap_times_s`.
+    `sliding` (share of the tick in which a tire slid; NaN of tires without a peak) and `clipped_actions`; with
+    opponents `touches` (of other cars so far), `position` (1 in front) and `lead_m` (on the foremost other car); of
+    each reward term `reward_NAME`, its part of the tick's reward, and `return_NAME`, the sum of the episode; and at the
+    end `end_reason` and `lap_times_s`.
 
     A copy (copy.deepcopy, pickle) is a new environment of the same arguments, to be reset.
 

@@ -132,6 +132,12 @@ class Worlds:
         return [engine.readings(row) for row in range(len(engine.commands))[self.rows]] if self._sensors[0] else []
 
     @property
+    def slid(self) -> FloatArray:
+        """How fast tires of each agent slid at most since the beginning [m/s]; NaN: they have no peak. Shape (a,)."""
+        slid: FloatArray = self.engine.statistics["max_slide"][self.rows]
+        return slid
+
+    @property
     def touches(self) -> NDArray[np.int64]:
         """How often each agent has touched another car since the beginning. Shape (a,)."""
         touches: NDArray[np.int64] = self.engine.statistics["touches"][self.rows]

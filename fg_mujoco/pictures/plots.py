@@ -23,7 +23,7 @@ from ..registry import PARTS
 from ..simulation.cars import car_colour_hex
 from ..simulation.telemetry import TELEMETRY
 from ..vehicle.car import WHEELS
-from ..vehicle.tire_slip import SLIDING_SPEED, slides_above, sliding_rule
+from ..vehicle.tire_slip import NO_PEAK, SLIDING_SPEED, slides_above, sliding_rule, sliding_text
 from .course_drawing import draw_course, draw_line, draw_obstacles, extent
 from .pages.figure_kit import ALERT, WIDTH, Target, limit, picture, require_matplotlib, stacked
 
@@ -189,7 +189,7 @@ def _headline(result: RaceResult) -> str:
         laps = f"{result.sim_time_s:.1f} s"
     best = f", best {min(car.lap_times_s):.2f} s" if car.lap_times_s else ""
     end = "" if car.finished else f", ended by {car.end_reason}"
-    return f"{result.track}, {car.controller}: {laps}{best}{end}; greatest sliding {car.max_slide_m_s:.3f} m/s"
+    return f"{result.track}, {car.controller}: {laps}{best}{end}; greatest sliding {sliding_text(car.max_slide_m_s, 3)}"
 
 
 def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], model: str, car: CarParameters) -> None:
@@ -208,6 +208,8 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], model: str, 
     for wheel, colour in zip(WHEELS, _TIRE_COLOURS, strict=True):
         label = wheel.replace("_", " ")
         sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6, label=label)
+    if np.isnan([column[f"slide_{wheel}_m_s"] for wheel in WHEELS]).all():
+        sliding.text(0.5, 0.5, NO_PEAK, transform=sliding.transAxes, ha="center", va="center", fontsize=8.0)
     limit(sliding, slides_above(model), "limit")
     sliding.set_ylabel("sliding\n[m/s]")
     sliding.set_ylim(0.0, max(1.2 * SLIDING_SPEED, 1.05 * sliding.dataLim.y1))

@@ -49,7 +49,7 @@ class Crash:
     y_m: float
     speed_m_s: float  # of the rear axle over the ground just before
     sideslip_rad: float  # of the centre of gravity then, left positive; 0 where the car stands
-    slid_front_left_s: float  # for how long the tire had slid then, without a break; 0 where it had not
+    slid_front_left_s: float  # for how long the tire had slid then, without a break; 0: it had not; NaN: has no peak
     slid_front_right_s: float
     slid_rear_left_s: float
     slid_rear_right_s: float
@@ -72,7 +72,8 @@ class Crash:
         times: dict[str, list[str]] = {}
         for wheel in WHEELS:
             times.setdefault(f"{getattr(self, f'slid_{wheel}_s'):.2f} s", []).append(wheel)
-        times.pop("0.00 s", None)
+        for nothing in ("0.00 s", "nan s"):
+            times.pop(nothing, None)
         told = []
         for time, wheels in sorted(times.items(), key=lambda each: float(each[0][:-2]), reverse=True):
             names = " and ".join(wheel.replace("_", " ") for wheel in wheels)
@@ -150,7 +151,10 @@ def crash_of(
 
 def _slid(telemetry: FloatArray, time: float, above: float) -> list[float]:
     """Return for how long each tire had slid at a time of the last tick [s], faster than `above` [m/s]."""
-    slides = telemetry[:, _SLIDE : _SLIDE + len(WHEELS)] > above
+    speeds = telemetry[:, _SLIDE : _SLIDE + len(WHEELS)]
+    if len(speeds) and np.isnan(speeds).all():
+        return [math.nan] * len(WHEELS)
+    slides = speeds > above
     found = []
     for tire in slides[:-1].T:  # not by the last tick alone, in which the touch itself may slide it
         begin = len(tire) - int(np.argmin(np.append(tire[::-1], False)))

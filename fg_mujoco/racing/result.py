@@ -58,7 +58,7 @@ class CarResult(Suggesting):
     planner_failure: PlannerFailure | None  # where and why the planner failed; None: it did not
     collisions_wall: int  # with walls and obstacles
     collisions_car: int  # contacts with other cars
-    max_slide_m_s: float  # greatest sliding speed of any tire (`TireSlip.sliding_speed`)
+    max_slide_m_s: float  # greatest sliding speed of any tire (`TireSlip.sliding_speed`); NaN of tires without a peak
     max_lateral_slide_m_s: float  # the same, across the wheel's heading: sideways, and not by spinning or locked wheels
     slide_time_fraction: float  # share of the physics steps in which a tire slid (`TireSlip.slides`)
     mean_speed_m_s: float
@@ -150,7 +150,7 @@ class CarResult(Suggesting):
         raced = self.telemetry[self.column("time_s") < self.end_time_s]
         first = column_index(f"slide_{WHEELS[0]}_m_s")
         slides = np.nan_to_num(raced[:, first : first + len(WHEELS)])
-        if self.slide_time_fraction == 0.0 or not slides.size:
+        if not self.slide_time_fraction > 0.0 or not slides.size:
             return ""
         tick, wheel = np.unravel_index(int(slides.argmax()), slides.shape)
         time, x, y = (raced[tick, column_index(name)] for name in ("time_s", "x_m", "y_m"))

@@ -100,7 +100,8 @@ def _is_row(row: dict[str, Any]) -> bool:
     """Return whether the row of one of several cars has what a replay and a report of them need."""
     return (
         all(isinstance(row.get(name), str) for name in ("end_reason", "controller", "vehicle"))
-        and all(is_figure(row.get(name)) for name in ("end_time_s", "max_slide_m_s", "max_speed_m_s"))
+        and all(is_figure(row.get(name)) for name in ("end_time_s", "max_speed_m_s"))
+        and (row.get("max_slide_m_s") is None or is_figure(row["max_slide_m_s"]))
         and all(_is_count(row.get(name)) for name in ("position", "laps_completed", "collisions_car"))
         and isinstance(row.get("finished"), bool)
         and _is_count(row.get("collisions_wall"))
@@ -112,6 +113,14 @@ def _is_row(row: dict[str, Any]) -> bool:
 
 def _is_times(value: Any) -> bool:
     return isinstance(value, dict) and _is_mapping({k: 0 if v is None else v for k, v in value.items()}, _TIMES)
+
+
+def _is_crash(value: Any) -> bool:
+    """Return whether a value is a Crash; how long tires without a peak had slid is null."""
+    if not isinstance(value, dict):
+        return False
+    known = {k: 0.0 if v is None and k.startswith("slid_") else v for k, v in value.items()}
+    return _is_mapping(known, _CRASH, ("into", "geom"))
 
 
 def _is_settings(value: Any) -> bool:
@@ -198,7 +207,7 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
         for name, kind in (("overtakes", Overtake), ("contacts", Contact), ("warnings", Warned), ("restarts", Restart))
     },
     "wrong_way": (f"wrong_way, of {', '.join(sorted(_WRONG_WAY))}", lambda value: _is_mapping(value, _WRONG_WAY)),
-    "crash": (f"crash, of {', '.join(sorted(_CRASH))}", lambda value: _is_mapping(value, _CRASH, ("into", "geom"))),
+    "crash": (f"crash, of {', '.join(sorted(_CRASH))}", _is_crash),
     "planner_failure": ("planner_failure, as a race wrote it", _is_failure),
     "sensors": ("a list of sensors, as a race wrote it", _are_sensors),
 }  # fmt: skip

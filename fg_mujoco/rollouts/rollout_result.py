@@ -25,6 +25,7 @@ from ..racing.randomization import Randomization
 from ..racing.setup import Setup
 from ..registry import PARTS
 from ..simulation.settings import GREATEST_LAPS, DriveSettings
+from ..vehicle.tire_slip import sliding_text
 from .chunk_store import ChunkStore, FolderStore
 from .drive_worlds import laps_within
 from .job import Arrays, RolloutJob
@@ -89,13 +90,14 @@ class RolloutResult(Shown):
             for number, track in enumerate(self.tracks)
             for laps in (self["first_lap_s"][self["track"] == number],)
         ]
+        slid = 0.0 if self.base.tire_set.slides else math.nan  # the least that can be said
         won = [("won", f"{100.0 * self._among()['wins']:.0f} %")] if self.opponents.entries else []
         return [
             ("worlds", str(len(self))),
             ("ends", ", ".join(f"{count} {reason}" for reason, count in ends)),
             *won,
             *((name, f"{np.median(laps):.2f} s of {len(laps)}" if len(laps) else "none") for name, laps in first_laps),
-            ("greatest sliding", f"{np.nanmax(self['max_slide_m_s'], initial=0.0):.3f} m/s"),
+            ("greatest sliding", sliding_text(np.fmax.reduce(self["max_slide_m_s"], initial=slid), 3)),
             ("simulated", f"{self['sim_time_s'].sum():.1f} s"),
         ]
 

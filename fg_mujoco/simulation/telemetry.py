@@ -85,7 +85,7 @@ STATISTICS = np.dtype(
         ("ticks", np.int64),
         ("steps", np.int64),
         ("sliding_steps", np.int64),
-        ("max_slide", np.float64),  # [m/s]
+        ("max_slide", np.float64),  # [m/s]; this and the next are NaN of tires without a peak
         ("max_lateral_slide", np.float64),  # [m/s]
         ("speed_sum", np.float64),  # [m/s] of all ticks, without sign
         ("max_speed", np.float64),  # [m/s]
@@ -106,12 +106,13 @@ class StatisticsFigures(TypedDict):
 
 
 def statistics_figures(row: Any) -> StatisticsFigures:
-    """Return the summary's figures of a row of STATISTICS."""
+    """Return the summary's figures of a row of STATISTICS; how tires without a peak slid is NaN."""
     ticks, steps = int(row["ticks"]), int(row["steps"])
+    slid = int(row["sliding_steps"]) / steps if steps else 0.0
     return {
         "max_slide_m_s": float(row["max_slide"]),
         "max_lateral_slide_m_s": float(row["max_lateral_slide"]),
-        "slide_time_fraction": int(row["sliding_steps"]) / steps if steps else 0.0,
+        "slide_time_fraction": math.nan if math.isnan(row["max_slide"]) else slid,
         "mean_speed_m_s": float(row["speed_sum"]) / ticks if ticks else 0.0,
         "max_speed_m_s": float(row["max_speed"]),
     }
@@ -221,6 +222,8 @@ def add_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatAr
     for tire in range(4):
         if row[_SLIDE + tire] > so_far.max_slide:
             so_far.max_slide = row[_SLIDE + tire]
+        elif math.isnan(row[_SLIDE + tire]) and slip[NORMAL_FORCE, 0, tire] > 0.0:  # on the ground, without a peak
+            so_far.max_slide = so_far.max_lateral_slide = math.nan
     so_far.max_lateral_slide = greatest_lateral_speed(slip, so_far.max_lateral_slide)
     so_far.speed_sum += abs(row[_SPEED])
     so_far.max_speed = max(so_far.max_speed, abs(row[_SPEED]))

@@ -181,7 +181,7 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
     common = _common(model, prefix, wheels)
     for row, wheel in zip(rows, wheels, strict=True):
         axle = tires.axles[0 if wheel.startswith("front") else 1]
-        row["law"], row["holds"], row["slides"] = LAWS.index(law), law.holds, law.slides
+        row["law"], row["holds"], row["slides"] = LAWS.index(law), law.holds, axle.lateral.has_peak
         row["alike"] = axle.lateral == axle.longitudinal
         for k, curve in enumerate((axle.longitudinal, axle.lateral)):
             row["curve"][k], row["slope"][k], row["peak"][k] = curve.row(), curve.slope, curve.peak

@@ -89,6 +89,20 @@ def sliding_rule(model: str) -> str:
     return f"above {speed:g} m/s" if speed else "past its peak"
 
 
+NO_PEAK = "not measured: these tires have no peak"
+"""What is said of the sliding of tires that have no peak, past which they would slide."""
+
+
+def sliding_text(speed: float | None, digits: int = 4, more: str = "") -> str:
+    """Return a sliding speed [m/s] in words, with `more` behind it; NaN or None: tires without a peak."""
+    return NO_PEAK if speed is None or math.isnan(speed) else f"{speed:.{digits}f} m/s{more}"
+
+
+def share_text(share: float | None) -> str:
+    """Return the share of the time in which a tire slid, in words; NaN or None: tires without a peak."""
+    return NO_PEAK if share is None or math.isnan(share) else f"{100.0 * share:.2f} %"
+
+
 _SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")  # READINGS of them
 _AXLE = "wheel_axle"  # sensor of a wheel: where its axle points, (3,) in the world
 
@@ -108,17 +122,17 @@ QUANTITIES = 10
 class TireSlip:
     """Slip and forces of the tires in the recorded steps; columns: front left, front right, rear left, rear right.
 
-    All have shape (steps, 4), NaN where a tire is off the ground.
+    All have shape (steps, 4), NaN where a tire is off the ground. Sliding speeds of tires without a peak are NaN, too.
     """
 
     values: FloatArray  # (QUANTITIES, steps, 4) the quantities below
 
     def __repr__(self) -> str:
-        steps, touching = self.values.shape[1], np.isfinite(self.sliding_speed)
+        steps, touching = self.values.shape[1], np.isfinite(self.normal_force)
         if not touching.any():
             return brief(self, f"{steps} steps", "no tire on the ground")
         fastest, most = self.sliding_speed[touching].max(), self.friction_utilisation[touching].max()
-        sliding = f"greatest sliding speed {fastest:.4f} m/s"
+        sliding = f"greatest sliding speed {sliding_text(fastest)}"
         return brief(self, f"{steps} steps", sliding, f"greatest friction utilisation {most:.2f}")
 
     @property
@@ -375,6 +389,8 @@ def _measure_law(tire: Any, own: FloatArray, mu: float, slip: FloatArray) -> Non
     slip[FORCE_X], slip[FORCE_Y] = force_x, force_y
     slip[SLIP_ANGLE], slip[SLIP_RATIO] = -angle, -ratio
     slip[_SLIDING_SPEED], slip[_LATERAL_SPEED] = own[SLIDING], own[SLIDING_ACROSS]
+    if not tire.slides:  # without a peak there is no past it
+        slip[_SLIDING_SPEED] = slip[_LATERAL_SPEED] = math.nan
     slides = own[SLIDING] > BRISTLES_SLIDE if tire.holds else tire.slides and own[SLIP_SIZE] > 1.0
     slip[_SLIDES] = 1.0 if slides else 0.0
 

@@ -6,11 +6,18 @@ from the inner to the outer tires, nor to the rear ones by that part of the cent
 car.
 """
 
+import json
+import math
+
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from cases import each
+from fg_mujoco.cli.race import race_table
+from fg_mujoco.envs.gym_environment import F1TenthEnv
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
+from fg_mujoco.vehicle.tire_slip import NO_PEAK
 
 integrate = pytest.importorskip("scipy.integrate")
 
@@ -62,3 +69,27 @@ def test_the_yaw_rate_is_the_gyms_up_to_half_of_the_limit(speed):
             off, rms = compared(0.002, speed, share)
             assert abs(off) < 0.02
             assert rms < 0.02
+
+
+def test_sliding_is_not_measured_on_tires_without_a_peak(tmp_path, without_pictures):
+    race = fg.race("oval", laps=1, time_limit=1.0, tires="f1tenth_gym")
+    figures = (race.car.max_slide_m_s, race.car.max_lateral_slide_m_s, race.car.slide_time_fraction)
+    assert all(map(math.isnan, figures)) and race.car.max_slide_place == ""
+    assert np.isnan(race.car.column("slide_rear_left_m_s")).all() and np.isfinite(race.car.column("speed_m_s")).all()
+    assert race_table(race, None).count(NO_PEAK) == 3
+    fg.write_run(race, tmp_path / "run")
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text("utf-8"))
+    for row in (summary, summary["cars"][0]):
+        assert row["max_slide_m_s"] is row["max_lateral_slide_m_s"] is row["slide_time_fraction"] is None
+    report = fg.replay(tmp_path / "run")
+    assert report.identical and not report.differences
+
+
+def test_sliding_is_not_measured_in_rollouts_and_environments_on_tires_without_a_peak():
+    rollout = fg.rollout("oval", n=1, laps=1, time_limit=1.0, tires="f1tenth_gym")
+    assert rollout.summary()["max_slide_m_s"] is None and NO_PEAK in repr(rollout)
+    assert ",,,," in rollout.as_csv()
+    for env in (F1TenthEnv(tires="f1tenth_gym"), F1TenthVectorEnv(2, tires="f1tenth_gym")):
+        env.reset(seed=0)
+        _, reward, *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
+        assert np.isnan(info["sliding"]).all() and np.isfinite(reward).all()

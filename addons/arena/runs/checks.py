@@ -22,6 +22,7 @@ from fg_mujoco.messages import FloatArray, require
 from fg_mujoco.racing.entries import NO_FAULT
 from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.racing.result import RaceResult
+from fg_mujoco.vehicle.tire_slip import sliding_text
 
 from .run import driven_poses
 
@@ -162,7 +163,8 @@ class NoSlide(OnTheWay):
     def _judge(self, drive: Drive) -> tuple[bool, str]:
         car = drive.result.car
         share = car.slide_time_fraction
-        return share <= self.most_share, f"{100.0 * share:.2f} % of the time, {car.max_slide_m_s:.2f} m/s at most"
+        more = f" at most, {100.0 * share:.2f} % of the time"
+        return share <= self.most_share, sliding_text(car.max_slide_m_s, 2, more)  # not passed where not measured
 
 
 @dataclass(frozen=True, kw_only=True)

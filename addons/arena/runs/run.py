@@ -5,6 +5,7 @@ The same key and the same versions give the same figures, to the last bit, in an
 
 from __future__ import annotations
 
+import math
 import re
 import shutil
 import statistics
@@ -301,10 +302,15 @@ def car_figures(
         laps_completed=car.laps_completed, laps_requested=result.laps_requested,
         first_lap_s=laps[0] if laps else None, best_lap_s=min(laps, default=None),
         mean_lap_s=statistics.fmean(laps) if laps else None, collisions=car.collisions_wall,
-        max_slide_m_s=car.max_slide_m_s, slide_time_fraction=car.slide_time_fraction,
+        max_slide_m_s=_known(car.max_slide_m_s), slide_time_fraction=_known(car.slide_time_fraction),
         mean_speed_m_s=car.mean_speed_m_s, time_s=car.end_time_s,
         decision_ms=None if slowest is None or not timed else 1e3 * slowest, **driven,
     )  # fmt: skip
+
+
+def _known(value: float) -> float | None:
+    """Return a figure, or None where it is NaN."""
+    return None if math.isnan(value) else value
 
 
 def _why(car: CarResult, limit: float | None) -> str | None:

@@ -28,6 +28,7 @@ import numpy as np
 from fg_mujoco.errors import EngineError, SettingsError, missing_extra
 from fg_mujoco.simulation.planner_failure import one_line
 from fg_mujoco.simulation.settings import friction_text
+from fg_mujoco.vehicle.tire_slip import sliding_text
 
 from ..intermediate_values import NUMBER, SHOWS_NOTHING
 from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view
@@ -316,7 +317,8 @@ class LiveView:
         self._status.content = (
             f"**{session.simulation.speed:.2f} m/s** at t = {session.simulation.time:.2f} s\n\n"
             f"limit {'none' if limit > 99.0 else f'{limit:.2f} m/s'}, "
-            f"friction utilisation {session.friction_utilisation:.2f}, sliding {session.sliding_speed:.3f} m/s\n\n"
+            f"friction utilisation {session.friction_utilisation:.2f}, "
+            f"sliding {sliding_text(session.sliding_speed, 3)}\n\n"
             f"{friction_text(session.world.car.mu, session.settings.assumed_mu)}\n\n"
             f"lap {session.laps.laps_completed + 1}{best}\n\n{state or 'no tire slides'}"
         )

@@ -214,7 +214,9 @@ class LiveSession:
 
     @property
     def sliding_speed(self) -> float:
-        """Of the tire with the greatest, in the last tick [m/s]; 0 where all are in the air."""
+        """Of the tire with the greatest, in the last tick [m/s]; 0 where all are in the air, NaN without a peak."""
+        if not self.settings.tire_set.slides:
+            return math.nan
         if self._opponents:
             return self._last_in("slide_front_left_m_s")
         return _greatest(self.simulation.slip.sliding_speed)

@@ -90,7 +90,8 @@ def cars_table(field: Field) -> Html:
             f"{row['position']}.", _car(field, index), str(row["controller"]), str(row["vehicle"]),
             row["laps_completed"], f"{min(row['lap_times_s']):.3f}" if row["lap_times_s"] else None,
             str(row["end_reason"]).replace("_", " "), f"{row['end_time_s']:.2f}", row["collisions_car"],
-            row["collisions_wall"], f"{row['max_speed_m_s']:.2f}", f"{row['max_slide_m_s']:.3f}",
+            row["collisions_wall"], f"{row['max_speed_m_s']:.2f}",
+            None if row["max_slide_m_s"] is None else f"{row['max_slide_m_s']:.3f}",
         )
         for index, row in sorted(enumerate(field.rows), key=lambda one: int(one[1]["position"]))
     ]  # fmt: skip

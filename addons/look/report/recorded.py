@@ -118,7 +118,8 @@ def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
             others=tuple(car.telemetry for car in source.cars[1:]),
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
-    missing = [name for name in _NEEDED if run.summary.get(name) is None]
+    may_be_null = {name for name in _NEEDED if "slide" in name} & run.summary.keys()  # of tires without a peak
+    missing = [name for name in _NEEDED if run.summary.get(name) is None and name not in may_be_null]
     if missing:
         raise RunFolderError(
             f"{run.folder / SUMMARY}: has no {', '.join(missing)}; accepted: as this version's `race --out` wrote it"
@@ -148,6 +149,8 @@ def tick_columns(run: RecordedRun) -> dict[str, FloatArray]:
     for name, form in (("friction_use", "friction_use_{}"), ("slide_m_s", "slide_{}_m_s")):
         tires = np.stack([columns[form.format(wheel)] for wheel in WHEELS])
         columns[name] = np.where(np.isnan(tires), 0.0, tires).max(axis=0)  # NaN: off the ground, and so no force
+    if run.summary["max_slide_m_s"] is None:
+        columns["slide_m_s"][:] = np.nan
     ahead, left = accelerations(columns["time_s"], columns["speed_m_s"], columns["yaw_rate_rad_s"])
     columns["acceleration_ahead_m_s2"], columns["acceleration_left_m_s2"] = ahead, left
     return columns

@@ -124,7 +124,7 @@ def write_report(
         _BODY, head=sections.head(run, told), of_several=of_several, colour=switch("colour", _COLOURS),
         map=places["map"], laps=sections.laps(laps, summary), clip=sections.clip(film, whose),
         across=switch("across", _AXES), time=places["time"], grip=f"{grip:.2f}", gg=places["gg"],
-        slides=sections.events(events, run.tires_model),
+        slides=sections.events(events, run.tires_model, measured=summary["max_slide_m_s"] is not None),
         settings=sections.settings(run),
     )  # fmt: skip
     data = {

@@ -15,7 +15,7 @@ from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.decision_times import decision_limit_text
 from fg_mujoco.racing.hints import clamped_hint, late_hint
 from fg_mujoco.simulation.planner_failure import place
-from fg_mujoco.vehicle.tire_slip import slides_above, sliding_rule
+from fg_mujoco.vehicle.tire_slip import NO_PEAK, slides_above, sliding_rule
 
 from .clip import Clip
 from .laps_and_slides import SECTORS, Lap, SlideEvent
@@ -80,7 +80,9 @@ def head(run: RecordedRun, notes: Sequence[object]) -> Html:
 def _sliding(run: RecordedRun) -> tuple[list[tuple[str, str]], str]:
     """Return the figures of how the tires slid, and whether they did, in words."""
     summary = run.summary
-    slides = float(summary["max_slide_m_s"])
+    slides = summary["max_slide_m_s"]
+    if slides is None:
+        return [("-", "greatest sliding")], f"sliding was {NO_PEAK}"
     lateral = summary.get("max_lateral_slide_m_s")  # older runs lack it
     share = f"{100 * summary['slide_time_fraction']:.2f} %"
     boxes = [
@@ -155,10 +157,10 @@ def _time(value: float | None, least: float | None) -> str | None:
     return element("span", text, class_="best") if value is not None and value == least else text
 
 
-def events(events: Sequence[SlideEvent], model: str) -> Html:
+def events(events: Sequence[SlideEvent], model: str, *, measured: bool = True) -> Html:
     """Return the list of sliding; a click on a row puts the cursor there."""
     if not events:
-        return note(f"None: no tire slid. It does {sliding_rule(model)}.")
+        return note(f"None: no tire slid. It does {sliding_rule(model)}." if measured else f"{NO_PEAK.capitalize()}.")
     rows = [
         (
             f"{event.start:.3f}", f"{1e3 * (event.end - event.start):.0f}", event.lap, f"{event.progress:.1f}",

@@ -180,6 +180,8 @@ class _Strip:
         slides = greatest > least
         note = f"framed: slides, {greatest:.2f} m/s" if slides else "no tire slides"
         notes = (note, f"slides {greatest:.2f} m/s" if slides else "holds", "slides" if slides else "holds")
+        if np.isnan(slide).all() and np.isfinite(use).any():
+            notes = ("sliding not measured", "not measured", "-")
         titles = ("FRICTION UTILISATION", "FRICTION USE", "FRICTION")
         fitting = [(title, note) for note in notes for title in titles if self._fits(title + note, width)]
         title, note = fitting[0] if fitting else ("", notes[-1])

@@ -64,6 +64,11 @@ class Law:
     def numbers(self) -> tuple[float, ...]:
         """The values for its kernel, up to NUMBERS of them."""
 
+    @property
+    def has_peak(self) -> bool:
+        """Whether a tire slides past a peak, which a law without a finite `peak_slip` does not have."""
+        return self.slides and math.isfinite(self.peak_slip)
+
     @classmethod
     def value_names(cls) -> tuple[str, ...]:
         """Return the names of its values in a tire file."""

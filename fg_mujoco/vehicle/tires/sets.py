@@ -153,7 +153,7 @@ class Tires:
     @property
     def slides(self) -> bool:
         """Whether the tires have a peak, past which they slide."""
-        return LAW_OF[self.model].slides if self.model in LAW_OF else True
+        return self.is_contact or all(axle.lateral.has_peak for axle in self.axles)
 
     @property
     def longitudinal_slope(self) -> float:
