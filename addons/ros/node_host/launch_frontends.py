@@ -37,7 +37,9 @@ _ACTIONS: dict[str, tuple[str, dict[str, str], int, tuple[str, ...]]] = {
     "timer": ("TimerAction", {"period": "period"}, 1, ()),
     "ros_timer": ("RosTimer", {"period": "period"}, 1, ()),
     "arg": ("DeclareLaunchArgument", {"name": "name", "default": "default_value", "description": ""}, 1, ("choice",)),
+    "bool_arg": ("DeclareLaunchArgument", {"name": "name", "default": "default_value", "description": ""}, 1, ()),
     "let": ("SetLaunchConfiguration", {"name": "name", "value": "value"}, 2, ()),
+    "keep": ("SetLaunchConfiguration", {"name": "name", "value": "value"}, 2, ()),
     "include": ("IncludeLaunchDescription", {"file": "launch_description_source"}, 1, ("arg", "let")),
     "node": ("Node", _NODE, 1, _IN_NODE),
     "lifecycle_node": ("LifecycleNode", _NODE, 1, _IN_NODE),
@@ -53,12 +55,13 @@ _PARAM = ("name", "value", "value-sep", "type")
 _WITH_ACTIONS = ("launch", "group", "timer", "ros_timer")
 _LEFT_OUT = (
     "executable", "node_container", "load_composable_node", "composable_node", "for", "for_each", "test",
-    "push_launch_configurations", "pop_launch_configurations", "reset", "unlet",
+    "push_launch_configurations", "pop_launch_configurations", "reset", "push_env", "pop_env", "reset_env",
 )  # fmt: skip
 """Entities that are left out with a warning."""
 _WITHOUT_NODES = {
-    "log": "LogInfo", "log_info": "LogInfo", "shutdown": "Shutdown", "set_use_sim_time": "SetUseSimTime",
-    "unset_env": "UnsetEnvironmentVariable", "append_env": "AppendEnvironmentVariable",
+    **dict.fromkeys(("log", "log_debug", "log_info", "log_warning", "log_error"), "LogInfo"), "shutdown": "Shutdown",
+    "set_use_sim_time": "SetUseSimTime", "unset": "UnsetLaunchConfiguration", "unset_env": "UnsetEnvironmentVariable",
+    "append_env": "AppendEnvironmentVariable",
 }  # fmt: skip
 _SUBSTITUTIONS = {
     "var": "LaunchConfiguration", "env": "EnvironmentVariable", "optenv": "OptionalEnvironmentVariable",
