@@ -24,7 +24,7 @@ from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.motion import drift_odometry
 from ..vehicle.sensors import CarState, Sensor
 from .cars import car_prefix
-from .planner_failure import error_text, file_of
+from .planner_failure import error_text, file_of, is_of_planner
 from .world_batch import CarArrays, Mask
 
 _SAME_TIME = 1e-9  # [s]
@@ -239,7 +239,9 @@ class Sampler:
         sensor = self.sensor
         try:
             values = np.array(sensor.measure(car), dtype=np.float64)
-        except Exception as error:
+        except BaseException as error:
+            if not is_of_planner(error):  # but Ctrl-C
+                raise
             failed = error_text(error, file_of(type(sensor)))
             said = f"sensor {sensor.name!r} failed at t = {car.time:.3f} s: {failed}"
             raise SettingsError(f"{said}; accepted: a `measure` that returns numbers") from error
