@@ -67,14 +67,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _warnings_in_a_line() -> Iterator[None]:
     """Print each warning and note that is meant for users once, a line each on stderr: a FinalWarning at the end.
 
-    Notes come at the end, too, and not at all where a command is refused: a refusal is one line.
+    Notes and NumPy's warnings come at the end, too, and not at all where a command is refused: a refusal is one line.
     """
     shown: dict[str, type[Warning]] = {}
+    of_numpy: list[tuple[Any, ...]] = []
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if category is SyntaxWarning:  # of a planner's file, as Python's compiler finds it
             file, line = place[:2]
             say(f"{file}, line {line}: {message}")
+        elif category is RuntimeWarning:
+            of_numpy.append((message, category, *place))
         elif category not in (UserWarning, FinalWarning, Note):
             usual(message, category, *place, **more)
         elif str(message) not in shown:
@@ -93,7 +96,12 @@ def _warnings_in_a_line() -> Iterator[None]:
             for message, category in shown.items():
                 if category is Note:
                     print("fg-mujoco:", in_one_line(message), file=sys.stderr)
+        except FgMujocoError:
+            of_numpy.clear()
+            raise
         finally:
+            for each in of_numpy:
+                usual(*each)
             for message, category in shown.items():
                 if category is FinalWarning:
                     say(message)

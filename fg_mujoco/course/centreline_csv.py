@@ -40,6 +40,8 @@ from .walled_track import MapTrack
 DENSE = 0.5  # [m] longest step of a line that is kept as it is
 SPACING = 0.2  # [m] step that a sparser line is resampled to
 
+MOST_COURSE_POINTS = 20_000
+
 Direction = Literal["clockwise", "counterclockwise"]
 DIRECTIONS: tuple[Direction, ...] = ("clockwise", "counterclockwise")
 
@@ -50,6 +52,7 @@ _MILLIMETRES = 600.0  # a number of so many, or more, is a width of this kind of
 _SPECIFICATION = re.compile(r"(?P<path>.*\.(?:csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?", re.IGNORECASE)
 _ANY = re.compile(r"(?P<path>.+)\[(?P<settings>.*)\]")
 _REPEATED = 1e-3  # [m] points nearer than this are one
+_APART, _MOST_PAIRS = 0.1, 2.5e6  # [m], and pairs of points within a width of each other: 4 s
 _GREATEST_SCALE = 1e6  # of a course, and a width in metres: numbers in messages stay short
 _JUMP = 5.0  # times the usual width: a width that is no longer that of a wall beside the line
 
@@ -130,6 +133,7 @@ def read_centreline(
         )
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
+    _require_apart(path, points, widths)
     (right, left), walls = widths, tuple(scale * wall for wall in file.walls or ())
     if direction is not None and (enclosed_area(points) > 0.0) != (direction == "counterclockwise"):
         points, right, left = (np.roll(column[::-1], 1, axis=0) for column in (points, left, right))
@@ -238,9 +242,11 @@ def _read(
 ) -> tuple[FloatArray, FloatArray | None, LineFile]:
     """Return the line (n, 2), the widths to the right and left (2, n) [m], None without, and the file."""
     file = read_line_file(path, course=boundary is None, line=name)
+    _require_course(path, file)
     line, widths = file.points, np.empty((0, len(file.points)))
     if boundary is not None:
         other = read_line_file(boundary, course=False)
+        _require_course(boundary, other)
         if said:
             other.note()
         line, right, left, walls = PARTS.find("between boundaries")(path, line, other.points)
@@ -264,6 +270,21 @@ def _read(
         line, *resampled = spline(line, SPACING, *widths)
         widths = np.array(resampled)
     return line, widths if len(widths) else None, file
+
+
+def _require_course(path: str | Path, file: LineFile) -> None:
+    """Raise TrackError for more points than a course needs."""
+    if len(file.points) > MOST_COURSE_POINTS:
+        said = f"{len(file.points)} points"
+        raise TrackError(f"{path}: {said}; accepted: {MOST_COURSE_POINTS} at most of a course, {_APART} m apart")
+
+
+def _require_apart(path: Path, points: FloatArray, widths: FloatArray) -> None:
+    """Raise TrackError for points that are so close that walls of these widths (2, n) [m] would take minutes."""
+    apart, width = float(step_lengths(points).mean()), float(widths.sum(axis=0).mean())
+    if apart < _APART and len(points) * width / apart > _MOST_PAIRS:
+        said = f"{len(points)} points, {apart:.2g} m apart, and {width:.3g} m wide"
+        raise TrackError(f"{path}: {said}; accepted: points {_APART} m apart")
 
 
 def _require_metres(line: FloatArray, widths: FloatArray) -> None:

@@ -6,15 +6,17 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 import weakref
 
+import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers import BASELINES
-from fg_mujoco.errors import SettingsError, install_command
+from fg_mujoco.errors import SettingsError, TrackError, install_command
 from fg_mujoco.interrupts import ended_in_order
 from refusals import contents, refused
 from terminals import read_to_the_end
@@ -110,6 +112,17 @@ def test_the_second_ctrl_c_ends_the_race_where_the_first_was_to_be_ignored(here,
     finally:
         signal.signal(signal.SIGINT, before)
     assert json.loads(capsys.readouterr().out)["end_reason"] == "interrupted"
+
+
+def test_a_refusal_is_one_line_whatever_numpy_has_warned_of(capsys, monkeypatch):
+    def refuse(name):
+        np.float64(1e308) * np.float64(1e308)
+        raise TrackError("no such track")
+
+    monkeypatch.setattr("fg_mujoco.cli.track.load_track", refuse)
+    with warnings.catch_warnings(record=True) as shown:
+        assert main(["track", "show", "oval"]) == 2
+    assert capsys.readouterr().err == "fg-mujoco: no such track\n" and not shown
 
 
 COMES = """

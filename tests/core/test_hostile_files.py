@@ -1,5 +1,6 @@
 """Files and values that are too much, or no files: each is refused in one line that names it, before any work on it."""
 
+import math
 import os
 
 import numpy as np
@@ -28,6 +29,11 @@ def csv_of(first=None, width=1.0, shift=0.0):
     return "".join(f"{x + shift!r}, {y!r}, {width!r}, {width!r}\n" for x, y in points)
 
 
+def csv_ring(count, width):
+    angles = [2.0 * math.pi * k / count for k in range(count)]
+    return "".join(f"{50.0 * math.cos(a):.6f}, {50.0 * math.sin(a):.6f}, {width / 2}, {width / 2}\n" for a in angles)
+
+
 def map_of(image="map.png", resolution="0.05", origin="[0, 0, 0]", before=""):
     return before + MAP.format(image=image, resolution=resolution, origin=origin)
 
@@ -44,6 +50,8 @@ TRACKS = {
     "far away": (csv_of(shift=1e12), "1000000000000.0", "1e+09 at most"),
     "width of 1e9 m": (csv_of(width=1e9), "2000000000 m wide: millimetres?", "accepted: metres"),
     "points without end": ("1, 2, 1, 1\n" * (MOST_POINTS + 1), f"line {MOST_POINTS + 1}", f"{MOST_POINTS} at most"),
+    "points side by side": (csv_of() + "5.0, 5.0, 1.0, 1.0\n" * 20_000, "points", "20000 at most of a course"),
+    "points too close": (csv_ring(15_000, 20.0), "15000 points, 0.02", "accepted: points 0.1 m apart"),
     "comments without end": ("# a,b\n" * 2000 + csv_of(), "lines without a point", "1000 above the first"),
     "lines without end": ("\n" * 500_000 + csv_of(), "lines without a point", "1000 above the first"),
     "a name without end": ("x,y,width," + "_".join("a" * 9000) + "\n1,2,3,4\n", "0 points", "at least 4"),
