@@ -179,7 +179,7 @@ class FinalWarning(UserWarning):
 
 
 class Note(UserWarning):
-    """What a file was understood as: a command prints it in one line; Python code sees it with a filter of its own."""
+    """The meaning of a file, as it was read: a command prints it in one line; Python code sees it with a filter."""
 
 
 warnings.filterwarnings("ignore", category=Note, append=True)

@@ -1,4 +1,4 @@
-"""What all planners share: the settings of driving, and the records of a car, its reference and its memory.
+"""Settings of driving, and the records of a car, its reference and its memory, which all planners share.
 
 A planner writes a REFERENCE, by `refer` or `refer_to_goal`. How it becomes a command is in `decision`.
 """

@@ -1,4 +1,4 @@
-"""Where a command writes its folder: `--out DIR`, `--out runs/`, which numbers itself, and `--force`.
+"""The folder that a command writes: `--out DIR`, `--out runs/`, which numbers itself, and `--force`.
 
 A path that ends in a slash, and a folder with files that are neither a run's nor a study's, get a folder with the next
 number: runs/001, runs/002. A folder that has a run is refused, one that has a study is gone on with, and `--force`

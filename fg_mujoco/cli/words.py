@@ -1,4 +1,4 @@
-"""What newcomers type that is no command or option here -> the command that does it."""
+"""Words of other tools that newcomers type -> the command here that does it."""
 
 from __future__ import annotations
 

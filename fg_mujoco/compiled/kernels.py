@@ -196,7 +196,7 @@ class _Kernel:
 
     @property
     def signatures(self) -> list[Any]:
-        """What it has been compiled, or loaded, for."""
+        """Signatures for which it has been compiled or loaded."""
         return [*self._loaded, *(() if self._dispatcher is None else self._dispatcher.signatures)]
 
     def __getattr__(self, name: str) -> Any:
@@ -247,7 +247,7 @@ class _Inlined:
 
     @property
     def signatures(self) -> list[Any]:
-        """What it has been compiled for, called from Python."""
+        """Signatures for which it has been compiled, called from Python."""
         return list(self._dispatcher.signatures)
 
     @property

@@ -93,7 +93,7 @@ class LapTimer:
 
     @property
     def offset(self) -> float:
-        """From the centreline, left positive [m]; NaN before the first update."""
+        """Distance from the centreline, left positive [m]; NaN before the first update."""
         return float(self.memory["offset"][0])
 
     @property

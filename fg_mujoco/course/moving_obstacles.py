@@ -86,7 +86,7 @@ class MovingObstacle:
 
     @property
     def way(self) -> float:
-        """From start to end [m]."""
+        """Distance from start to end [m]."""
         return math.dist(self.start, self.end)
 
     def position(self, time: float) -> tuple[float, float]:

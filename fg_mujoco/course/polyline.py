@@ -20,7 +20,7 @@ _BLOCK = 32  # consecutive segments that share one bounding box in `nearby`: nei
 
 
 def steps(points: FloatArray) -> FloatArray:
-    """From each point to the next, round the loop. Shape (n, 2) [m]."""
+    """Vectors from each point to the next, round the loop. Shape (n, 2) [m]."""
     return np.roll(points, -1, axis=0) - points
 
 

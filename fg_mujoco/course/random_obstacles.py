@@ -37,7 +37,7 @@ class Corridor(Protocol):
 
     @property
     def length(self) -> float:
-        """Of a lap [m]."""
+        """Length of a lap [m]."""
 
     @property
     def centreline(self) -> FloatArray:

@@ -107,12 +107,12 @@ class Scene(Shown):
 
     @property
     def length(self) -> float:
-        """From the start to the goal [m]."""
+        """Distance from the start to the goal [m]."""
         return self.goal - self.start
 
     @property
     def way_length(self) -> float:
-        """Of the whole way [m]."""
+        """Length of the whole way [m]."""
         return float(self._steps[1].sum())
 
     @property
@@ -132,7 +132,7 @@ class Scene(Shown):
 
     @property
     def stop_time(self) -> float:
-        """That the car has to stand still behind the goal [s]."""
+        """Time for which the car has to stand still behind the goal [s]."""
         return STOP_TIME if self.goal_is_to_stop else 0.0
 
     def longest_race(self, laps: int) -> float:

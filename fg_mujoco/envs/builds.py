@@ -52,7 +52,7 @@ class Build:
 
 
 class BuildPlan:
-    """What each build of an environment is.
+    """Settings of each build of an environment.
 
     Args:
       settings: of the environment.
@@ -166,7 +166,7 @@ class Builds:
         self._maker: _Maker | None = None
 
     def prepare(self, number: int) -> None:
-        """Have a build made."""
+        """Start making a build."""
         key: Key = (number, ())
         if key not in self._kept and key not in self._coming:
             if self._maker is None:

@@ -73,7 +73,7 @@ class Contacts:
             _take_all(share.tables, share.firsts, self.number, self.counts, self.touched_at, self.began)
 
     def tell(self) -> None:
-        """Have the engine say who began to touch something, after its races were judged."""
+        """Write which cars began to touch something, after the races were judged."""
         self._engine.crashed[self.began] = True
 
 

@@ -1,4 +1,4 @@
-"""What an environment may draw: its `randomize`, read and checked before anything is driven."""
+"""Random settings of an environment: `randomize`, read and checked before anything is driven."""
 
 from __future__ import annotations
 

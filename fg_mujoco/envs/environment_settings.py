@@ -161,7 +161,7 @@ class EnvironmentSettings(CarSettings):
 
     @property
     def fixed_start(self) -> Start | None:
-        """Where each episode starts; None: at a place that is drawn for it."""
+        """Start of each episode; None: it is drawn at random."""
         if isinstance(self.start, str):
             return Start() if self.start == "line" else None
         return self.start
@@ -176,7 +176,7 @@ class EnvironmentSettings(CarSettings):
 
     @property
     def randomization(self) -> Randomization:
-        """What is drawn for each episode; nothing: no randomisation."""
+        """Ranges that each episode draws from; empty: no randomisation."""
         assert isinstance(self.randomize, Randomization)
         return self.randomize
 

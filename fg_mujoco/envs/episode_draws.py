@@ -1,4 +1,4 @@
-"""What each episode of a randomised environment draws, from the generator of its world alone.
+"""Random values of each episode of an environment, from the generator of its world alone.
 
 An episode has a seed, which the world's generator gives when the episode before it begins: so the build of the next
 episode is known, and made, while the present one is driven. From the seed follow all values, by Randomization.draw, and
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeDraw:
-    """What was drawn for an episode."""
+    """Values that were drawn for an episode."""
 
     values: Values  # by name
     build: Build

@@ -1,4 +1,4 @@
-"""What a policy observes: an object with a text form, which training and driving share.
+"""The observation of a policy: an object with a text form, which training and driving share.
 
     F1TenthEnv(observation="beams:108:max=10, speed:delay=0.05:noise=0.1, steering, previous_action, history:3, flat")
 
@@ -134,7 +134,7 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """What a policy observes: `str(observation)` is its text, and `Observation.of(text)` has it back.
+    """The observation of a policy: `str(observation)` is its text, and `Observation.of(text)` reads it.
 
     Raises:
       SettingsError: no part, a part twice, or a history out of its range.

@@ -1,4 +1,4 @@
-"""What a policy sees: the scan and the car's own sensors by default, and terms that are chosen by name.
+"""Parts of an observation: the scan and the car's own sensors by default, and terms that are chosen by name.
 
     env = F1TenthEnv(observation="scan,speed,command,heading_error")
 

@@ -282,7 +282,7 @@ class Observer:
 
 
 class Frames:
-    """What some cars have seen at the last steps, with delays, noise and scales.
+    """Observations of some cars at the last steps, with delays, noise and scales.
 
     Args:
       observation: what is observed.

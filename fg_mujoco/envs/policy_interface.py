@@ -1,4 +1,4 @@
-"""What a policy sees and answers: made of an environment's settings, kept in a policy's file, and driven with.
+"""Observations and actions of a policy: from an environment's settings, stored in its file, used to drive.
 
     interface = env.policy_interface
     text = json.dumps(interface.described())
@@ -95,7 +95,7 @@ class SensorReadings:
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyInterface:
-    """What a policy sees and answers.
+    """Observations and actions of a policy.
 
     Raises:
       SettingsError: a value outside of what is accepted.

@@ -294,7 +294,7 @@ class Rewards:
 
     @property
     def share(self) -> float:
-        """Of what a tick gains, the most that its running costs take; inf: they are not bounded."""
+        """Greatest share of a tick's gain that its running costs take; inf: they are not bounded."""
         return SHARE if self.bounded and any(term.gains for term in self.terms) else math.inf
 
     def of_tick(self, period: float) -> FloatArray:

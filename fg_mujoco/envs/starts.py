@@ -1,4 +1,4 @@
-"""Where an episode starts."""
+"""Starts of episodes."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def given_start(options: Mapping[str, Any] | None) -> Start | None:
 
 @dataclass(frozen=True, kw_only=True)
 class DrawnStart:
-    """What is drawn of the starts of an episode."""
+    """Random values of the starts of an episode."""
 
     fields: Mapping[str, float]  # of the Start of the grid's first place
     ahead: float | None  # [m] of their places on the grid, where opponents start; None: it is not drawn
 
 
 class StartGrid:
-    """Where the cars of a world start their episodes: one alone at the start, several on a grid behind it.
+    """Starts of the cars of a world: one alone at the start, several on a grid behind it.
 
     Args:
       world: of the cars.

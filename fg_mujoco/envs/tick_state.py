@@ -145,7 +145,7 @@ class GroundOfEach(Ground):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Snapshot(Suggesting):
-    """Where n cars are, and what has happened to them, at one moment."""
+    """Poses and states of n cars at one moment."""
 
     ground: Ground  # of their world
     car: CarParameters  # of these cars, which are alike
@@ -204,7 +204,7 @@ class Snapshot(Suggesting):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class TickState(Snapshot):
-    """Where n cars are after a tick, and where they were before it."""
+    """States of n cars after a tick and before it."""
 
     before: Snapshot  # at the beginning of the tick; before the first tick of an episode the same as now
     period: float  # of a tick [s]

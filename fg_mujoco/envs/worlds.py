@@ -127,7 +127,7 @@ class Worlds:
 
     @property
     def readings(self) -> list[Mapping[str, Reading]]:
-        """What the sensors of each agent have delivered, by their names."""
+        """Readings of the sensors of each agent, by their names."""
         engine = self.engine
         return [engine.readings(row) for row in range(len(engine.commands))[self.rows]] if self._sensors[0] else []
 
@@ -161,7 +161,7 @@ class Worlds:
 
     @property
     def randomization(self) -> Randomization:
-        """What is drawn for each episode."""
+        """Ranges that each episode draws from."""
         return Randomization({}) if self._draws is None else self._draws.randomization
 
     def randomize(self, randomization: Randomization) -> None:
@@ -315,7 +315,7 @@ class Worlds:
 
     @property
     def others_crashed(self) -> Mask:
-        """Whose world has a car that has crashed or rolled over, or whose physics broke down (a,)."""
+        """Which agents have a crashed or rolled-over car, or broken physics, in their world (a,)."""
         out = np.isin(self.engine.monitor.reasons, _CRASHES).reshape(-1, self.cars).any(axis=1)
         found: Mask = np.repeat(out, self.agents)
         return found

@@ -69,7 +69,7 @@ class Commands:
 
     @property
     def seconds(self) -> float:
-        """From the first row to the last [s]."""
+        """Time from the first row to the last [s]."""
         return float(self.time[-1] - self.time[0])
 
     def at(self, time: float) -> tuple[float, float]:
@@ -135,7 +135,7 @@ class CommandPlayer:
         self._commands = commands
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """Do nothing: there is no memory."""
 
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
         """Return the command of this time."""

@@ -1,4 +1,4 @@
-"""What an experiment of the friction lab is: cells of work, the rows that they yield, and a section of the report.
+"""An experiment of the friction lab: cells of work, the rows that they yield, and a section of the report.
 
 A cell is some seconds of work on one core. It is described completely in JSON, so that any process can measure it, and
 it is not measured again if its rows are on disk.

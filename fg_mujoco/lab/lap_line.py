@@ -18,7 +18,7 @@ class Laps(Protocol):
 
     @property
     def lap_times_s(self) -> tuple[float, ...]:
-        """Of the completed laps [s]."""
+        """Times of the completed laps [s]."""
 
     def column(self, name: str) -> FloatArray:
         """Return a column of the telemetry. Shape (ticks,)."""

@@ -44,12 +44,12 @@ class Line:
 
     @property
     def length(self) -> float:
-        """Of the whole line [m]."""
+        """Length of the whole line [m]."""
         return float(self.steps.sum())
 
 
 class Limits(Protocol):
-    """What holds a car on a line back."""
+    """Limits of a car's speed on a line."""
 
     @property
     def max_speed(self) -> float:

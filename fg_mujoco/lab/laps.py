@@ -56,7 +56,8 @@ _SAMPLING = 0.1  # [m] of the rows of speeds
 _NEAR = 0.99  # of a corner's speed, from which on it is the corner that holds the car back
 _CAUSES = ("top_speed", "cornering", "accelerating", "braking")
 _NUMBERS = (
-    "first_lap_s", "best_lap_s", "max_slide_m_s", "sliding_share", "friction_use_max", "friction_use_mean", "line_m",
+    "first_lap_s", "best_lap_s", "max_slide_m_s", "sliding_share", "friction_utilisation_max",
+    "friction_utilisation_mean", "line_m",
     "gap_mm", "bound_s", "ratio", "holding_bound_s", "holding_ratio", "limited_bound_s", "limited_ratio",
     *(f"lost_{cause}_s" for cause in _CAUSES),
 )  # fmt: skip
@@ -105,11 +106,11 @@ class LapsExperiment:
         track, controller = cell["track"], cell["controller"]
         result = race(track, controller, laps=cell["laps"])
         own = result.car
-        uses = np.fmax.reduce([own.column(f"friction_use_{wheel}") for wheel in WHEELS])
+        uses = np.fmax.reduce([own.column(f"friction_utilisation_{wheel}") for wheel in WHEELS])
         row: Row = {"track": track, "controller": controller, "laps": own.laps_completed}
         row |= {"end_reason": own.end_reason, **no_number(f"{own.laps_completed} laps: no flying one", *_NUMBERS)}
         row["max_slide_m_s"], row["sliding_share"] = own.max_slide_m_s, own.slide_time_fraction
-        row["friction_use_max"] = float(np.nanmax(uses))
+        row["friction_utilisation_max"] = float(np.nanmax(uses))
         if len(own.lap_times_s) < 2:
             return {"laps": [row]}
         car, mu, max_speed = result.world.car.parameters, own.mu, own.speed_limit_m_s
@@ -132,7 +133,7 @@ class LapsExperiment:
         bound, holding_bound, limited_bound = (lap_time(line, speeds) for speeds in (fastest, holding, limited))
         row |= {
             "first_lap_s": own.lap_times_s[0], "best_lap_s": best, "line_m": line.length,
-            "friction_use_mean": float(np.nanmean(uses[own.column("lap") == lap])), "gap_mm": 1e3 * driven.gap,
+            "friction_utilisation_mean": float(np.nanmean(uses[own.column("lap") == lap])), "gap_mm": 1e3 * driven.gap,
             "bound_s": bound, "ratio": best / bound, "holding_bound_s": holding_bound,
             "holding_ratio": best / holding_bound, "limited_bound_s": limited_bound,
             "limited_ratio": best / limited_bound, "reason": "",
@@ -171,7 +172,7 @@ class LapsExperiment:
         sentences.append(_on_tolerance(tables["tolerance"]))
         shown = (
             "track", "controller", "laps", "end_reason", "best_lap_s", "bound_s", "ratio", "holding_ratio",
-            "limited_ratio", "max_slide_m_s", "friction_use_mean", *(f"lost_{cause}_s" for cause in _CAUSES),
+            "limited_ratio", "max_slide_m_s", "friction_utilisation_mean", *(f"lost_{cause}_s" for cause in _CAUSES),
         )  # fmt: skip
         return Section(
             sentences=tuple(sentences),

@@ -1,4 +1,4 @@
-"""What happens when the planner assumes a wrong friction: the assumed mu over the tires' mu, from one half to twice.
+"""A planner that assumes a wrong friction: its mu over the tires' mu, from one half to twice.
 
 Each ratio is driven for two laps at the lab's timestep, because many of these runs slide. The knee is the ratio at
 which a tire first slides, found by bisection. It lies above 1, because the friction limiter keeps back shares of the
@@ -60,13 +60,13 @@ class MismatchExperiment:
         if cell["ratio"] is None:
             return {"knee": [_knee(track, mu)]}
         laps = drive_believing(track, mu, cell["ratio"])
-        uses = np.fmax.reduce([laps.column(f"friction_use_{wheel}") for wheel in WHEELS])
+        uses = np.fmax.reduce([laps.column(f"friction_utilisation_{wheel}") for wheel in WHEELS])
         row: Row = {
             "track": track, "mu": mu, "ratio": cell["ratio"], "planner_mu": mu * cell["ratio"],
             "end_reason": laps.end_reason, "crashed": laps.crashed, "laps": len(laps.lap_times_s),
             "first_lap_s": laps.lap_times_s[0] if laps.lap_times_s else math.nan, "best_lap_s": laps.best_flying_lap_s,
             "max_slide_m_s": laps.max_slide_m_s, "sliding_share": laps.slide_time_fraction,
-            "friction_use_mean": float(np.nanmean(uses)),
+            "friction_utilisation_mean": float(np.nanmean(uses)),
             "reason": "" if len(laps.lap_times_s) > 1 else f"no flying lap: {laps.end_reason}",
         }  # fmt: skip
         return {"laps": [row]}

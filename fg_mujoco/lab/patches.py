@@ -148,7 +148,7 @@ def _laps(cell: Cell) -> Tables:
         **key, "patches": len(patches), "patch_mu": _PATCH_MU if patches else math.nan, "end_reason": laps.end_reason,
         "crashed": laps.crashed, "laps": len(laps.lap_times_s), "best_lap_s": laps.best_flying_lap_s,
         "max_slide_m_s": laps.max_slide_m_s, "sliding_share": laps.slide_time_fraction,
-        "friction_use_max": float(np.nanmax(_greatest(laps, "friction_use_{}"))),
+        "friction_utilisation_max": float(np.nanmax(_greatest(laps, "friction_utilisation_{}"))),
         "on_patch_share": float(on_patch.mean()),
         "sliding_share_on_patch": float(sliding / steps) if steps else math.nan,
         "reason": "" if len(laps.lap_times_s) > 1 else f"no flying lap: {laps.end_reason}",
@@ -157,8 +157,9 @@ def _laps(cell: Cell) -> Tables:
     if cell["map"]:
         x, y, slide = laps.column("x_m"), laps.column("y_m"), _greatest(laps, "slide_{}_m_s")
         least = laps.floor_mu.min(axis=1)
-        points = np.column_stack((laps.column("time_s"), x, y, slide, _greatest(laps, "friction_use_{}"), least))
-        names = ("time_s", "x_m", "y_m", "slide_m_s", "friction_use", "floor_mu")
+        use = _greatest(laps, "friction_utilisation_{}")
+        points = np.column_stack((laps.column("time_s"), x, y, slide, use, least))
+        names = ("time_s", "x_m", "y_m", "slide_m_s", "friction_utilisation", "floor_mu")
         tables["map"] = [{**key, **dict(zip(names, values, strict=True))} for values in points.tolist()]
         tables["places"] = [
             {

@@ -15,7 +15,7 @@ from ..vehicle.tire_slip import TireSlip, TireSlipMeter
 
 
 class CarSensors:
-    """Where in a row of `sensordata` a car's sensors are.
+    """Indices of a car's sensors in a row of `sensordata`.
 
     Raises:
       ModelError: the model does not hold the car, with what `add_axle_sensors` adds.
@@ -63,7 +63,7 @@ class Trace:
 
     @cached_property
     def slip(self) -> TireSlip:
-        """What the tires did, (n, 4)."""
+        """Slip of the tires, (n, 4)."""
         return self.sensors.meter.measure(np.ascontiguousarray(self.records), np.ascontiguousarray(self.states))
 
     @property
@@ -103,7 +103,7 @@ class Trace:
 
     @cached_property
     def acceleration(self) -> FloatArray:
-        """Of the centre of gravity along and across the heading, forward and left positive. Shape (n, 2) [m/s^2].
+        """Acceleration of the centre of gravity, forward and to the left. Shape (n, 2) [m/s^2].
 
         What the accelerometer reads, turned into the world by roll and pitch too, is level: gravity is vertical.
         """
@@ -115,7 +115,7 @@ class Trace:
 
     @cached_property
     def tire_forces(self) -> FloatArray:
-        """Of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air.
+        """Force of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air.
 
         Tires with a law of ours act along the wheel's heading half a step later, seen from the car, which turns, too;
         MuJoCo's contacts along that of now.

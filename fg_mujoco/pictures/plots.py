@@ -235,7 +235,7 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
     edges = np.linspace(place.min(initial=0.0), place.max(initial=length), cells + 1)
     cell = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, cells - 1)
     for panel, wheel, colour in zip(panels, WHEELS, _TIRE_COLOURS, strict=True):
-        use = column[f"friction_use_{wheel}"]
+        use = column[f"friction_utilisation_{wheel}"]
         panel.plot(np.insert(place, begins, np.nan), np.insert(use, begins, np.nan), color="0.65", linewidth=0.5)
         greatest = np.full(cells, -np.inf)
         np.maximum.at(greatest, cell, np.nan_to_num(use, nan=-np.inf))

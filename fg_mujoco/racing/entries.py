@@ -1,4 +1,4 @@
-"""What each car of a race is entered with, and where it stands before the start.
+"""Entries of a race: the settings of each car, and its place on the grid.
 
 entries = [Entry(controller="gap_finder"), Entry(controller="pure_pursuit", max_speed=4.0)]
 result = fg_mujoco.race("oval", entries=entries, grid="staggered")

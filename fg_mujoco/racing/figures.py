@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class DrivenFigures(StatisticsFigures):
-    """What follows for a car from the trajectory and the world's model alone."""
+    """Figures of a car from the trajectory and the world's model alone."""
 
     collisions_wall: int
     clamped_commands: int
@@ -30,7 +30,7 @@ class DrivenFigures(StatisticsFigures):
 
 
 class CourseFigures(TypedDict):
-    """What follows for a car from the trajectory, the course and the rules of the race."""
+    """Figures of a car from the trajectory, the course and the rules of the race."""
 
     laps_completed: int
     lap_times_s: tuple[float, ...]
@@ -41,14 +41,14 @@ class CourseFigures(TypedDict):
 
 
 class WorldFigures(TypedDict):
-    """What follows from the trajectory and the world, of all cars together."""
+    """Figures of all cars together, from the trajectory and the world."""
 
     sim_time_s: float
     trajectory_sha256: str
 
 
 class TrackFigures(TypedDict):
-    """What the world shows of its course."""
+    """Figures of the course, from the world."""
 
     track: str
     obstacles: int

@@ -1,4 +1,4 @@
-"""What a race shows of a mistake in its planner, each in one line that says what to try.
+"""Likely mistakes of a planner that a race shows, each in one line with a remedy.
 
     for hint in race_hints(result):
         print(hint)

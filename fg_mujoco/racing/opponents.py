@@ -158,7 +158,7 @@ class Opponents:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What their planners are called in tables."""
+        """Names of their planners in tables."""
         return tuple(ControllerChoice.of(str(entry.controller)).label for entry in self.entries)
 
     @classmethod

@@ -52,7 +52,7 @@ _AT_ONCE = 40  # ticks, in which nobody watches a race: 4 ms
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class RaceProgress:
-    """What a race tells whoever watches it, once a tick."""
+    """Progress of a race, once a tick."""
 
     time: float  # [s] simulated
     laps_completed: int  # of the car in front

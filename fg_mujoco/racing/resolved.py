@@ -117,7 +117,7 @@ def ground_of(setup: Setup, track: Course | str | None = None) -> Ground:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resolved:
-    """What is raced."""
+    """A setup with its course, world and cars made."""
 
     setup: Setup
     ground: Ground

@@ -1,4 +1,4 @@
-"""What a race leaves behind: the figures of the summary, one row of telemetry a tick, and every state."""
+"""Result of a race: the figures of the summary, one row of telemetry a tick, and every state."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class CarResult(Suggesting):
 
     @property
     def lidar_effects(self) -> LidarEffects:
-        """What the LiDAR did to a scan."""
+        """Effects of the LiDAR on a scan."""
         return self.entry.effects
 
     @property
@@ -129,7 +129,7 @@ class CarResult(Suggesting):
 
     @property
     def rollover(self) -> Rollover | None:
-        """Where the car rolled over; None: its race did not end so."""
+        """Place where the car rolled over; None: it did not."""
         if self.end_reason != "rolled_over":
             return None
         from .crash import Rollover
@@ -256,7 +256,7 @@ class RaceResult(Shown):
 
     @property
     def moving(self) -> str | int | None:
-        """What moves on the track, as `moving` of its setup says, or how many things; None: nothing, but on a scene."""
+        """Moving things on the track: `moving` of its setup, or their number; None: none, or a scene's own."""
         moving = self.setup.moving
         return (moving if isinstance(moving, str) else len(moving)) or None
 
@@ -307,7 +307,7 @@ class Trajectory(TypedDict):
 
 
 class History:
-    """What happened in world 0 of an engine, one row a tick.
+    """History of world 0 of an engine, one row a tick.
 
     Args:
       engine: at the start of the race.

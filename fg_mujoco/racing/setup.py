@@ -1,4 +1,4 @@
-"""What is raced: the course, the cars with their planners, the rules, and when the race ends.
+"""A race's setup: the course, the cars with their planners, the rules and the limits.
 
     setup = Setup.of("oval", controller="gap_finder[lookahead=8]", mu=0.7, laps=2)
     result = race(setup)
@@ -87,7 +87,7 @@ class SetupKeywords(StudyKeywords, total=False):
 @explain_class
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class Setup:
-    """What is raced. Two setups are equal where their `sha256` are.
+    """The setup of a race. Two setups are equal if their `sha256` are.
 
     Raises:
       SettingsError: a value outside of what is accepted.

@@ -128,7 +128,7 @@ class RolloutJob:
 
     @cached_property
     def places(self) -> NDArray[np.int64]:
-        """Of each world, its chunk and its place in there. Shape (n, 2)."""
+        """Chunk of each world, and its index there. Shape (n, 2)."""
         places = np.empty((len(self.seeds), 2), np.int64)
         for number, worlds in enumerate(self.chunks):
             places[worlds, 0], places[worlds, 1] = number, np.arange(len(worlds))
@@ -136,7 +136,7 @@ class RolloutJob:
 
     @cached_property
     def world_dtype(self) -> np.dtype[Any]:
-        """Of a world's row: its number, that of its track, what was drawn for it, and how it went."""
+        """Type of a world's row: its number, that of its track, the drawn values and the results."""
         result = result_dtype(among=bool(self.opponents.entries))
         return np.dtype([("world", np.int64), ("track", np.int64), *self.randomization.dtypes(), *result.descr])
 

@@ -1,4 +1,4 @@
-"""What a rollout records of its worlds, and the rows of scans that policies are trained on.
+"""Records of a rollout's worlds, and the rows of scans that policies are trained on.
 
     record = Record.of("scans:10")            # every tenth beam, counted from the one straight ahead to both sides
     layout = ScanLayout.of(car.lidar.beams, record.step)
@@ -40,7 +40,7 @@ _COLUMNS = {"progress": column_index("progress_m"), "offset": column_index("offs
 
 @dataclass(frozen=True)
 class Record:
-    """What is recorded of each world.
+    """Choice of what is recorded in each world.
 
     Raises:
       SettingsError: `of` was given something else than a name of RECORDS, or "scans:STEP".
@@ -102,12 +102,12 @@ class ScanLayout:
 
     @property
     def bearings(self) -> FloatArray:
-        """Of the kept beams from straight ahead, left positive. Shape (beams,) [rad]."""
+        """Bearings of the kept beams from straight ahead, left positive. Shape (beams,) [rad]."""
         return read_only(self.angle_min + self.angle_increment * np.arange(self.beams))
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Of a row: the odometry and the scan that the planner was given, its command, and its place on the course."""
+        """Type of a row: odometry and scan of the planner, its command, and its position on the course."""
         odometry = [
             (name, np.float64 if name == "stamp" else np.float32, ODOMETRY[name].shape) for name in ODOMETRY.names or ()
         ]

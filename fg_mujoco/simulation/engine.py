@@ -466,7 +466,7 @@ class Engine(Uncopied):
         return self._drawn and self._sensing is None and not hooks and self.cars_per_world == 1
 
     def decide(self) -> None:
-        """Have the planners command the cars that race; those whose planner fails race no longer.
+        """Write the planners' commands of the cars that race; a car whose planner fails no longer races.
 
         In a world that goes on such a car brakes and stands there, as one that has crashed does.
         """
@@ -587,7 +587,7 @@ class Engine(Uncopied):
         self.monitor.end(self.running.copy(), "interrupted")
 
     def close(self) -> None:
-        """Let go of the threads."""
+        """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None

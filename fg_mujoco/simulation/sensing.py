@@ -1,4 +1,4 @@
-"""What the cars of an engine measure in Python: LiDARs with effects, further sensors, odometry that drifts.
+"""Measurements in Python of an engine's cars: LiDARs with effects, further sensors, odometry that drifts.
 
 The kernels of `compiled_tick` have taken scans and odometry before; `Sensing` changes them, and measures the rest.
 """

@@ -136,7 +136,7 @@ def required(of: Field[Any]) -> bool:
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Where a race starts, along the centreline.
+    """Start of a race, along the centreline.
 
     Raises:
       SettingsError: a value that is no number of at most a million.
@@ -267,7 +267,7 @@ class CarSettings:
 
     @property
     def all_changes(self) -> CarChanges:
-        """What differs from the vehicle's MJCF, the friction included."""
+        """Changes to the vehicle's MJCF, the friction included."""
         return self.changes if self.set_mu is None else replace(self.changes, mu=self.set_mu)
 
     def world(
@@ -436,7 +436,7 @@ class DriveSettings(CarSettings):
 
     @property
     def friction(self) -> str:
-        """What `friction_text` says of these settings."""
+        """`friction_text` of these settings."""
         return friction_text(self.tires_mu, self.assumed_mu, self.ground_name)
 
 

@@ -27,7 +27,7 @@ TELEMETRY = (
     "time_s", "lap", "progress_m", "offset_m", "x_m", "y_m", "heading_rad",
     "speed_m_s", "yaw_rate_rad_s", "steering_angle_rad", "command_steering_rad", "command_speed_m_s",
     *(f"slide_{wheel}_m_s" for wheel in WHEELS),
-    *(f"friction_use_{wheel}" for wheel in WHEELS),
+    *(f"friction_utilisation_{wheel}" for wheel in WHEELS),
     "sliding_steps", "steps",
     "vx_m_s", "vy_m_s", "sideslip_rad", "ax_m_s2", "ay_m_s2",
     *(f"load_{wheel}_N" for wheel in WHEELS),
@@ -75,7 +75,9 @@ def column_meant(name: str, other: str | None) -> str | None:
 
 
 ALWAYS_NUMBERS = tuple(
-    name for name in TELEMETRY[: TELEMETRY.index("steps") + 1] if not name.startswith(("slide_", "friction_use_"))
+    name
+    for name in TELEMETRY[: TELEMETRY.index("steps") + 1]
+    if not name.startswith(("slide_", "friction_utilisation_"))
 )
 """Columns that are never NaN."""
 

@@ -1,4 +1,4 @@
-"""What a physics step of one world needs besides the tires: obstacles that move, and the floor under each tire.
+"""Parts of a physics step of one world other than the tires: moving obstacles, and the floor under each tire.
 
 A world whose cars all stand on MuJoCo's contacts is stepped by mj_step. Where any car has tires of ours, MuJoCo's
 stages are called one after the other, and the tires' forces are put in between (vehicle/tire_forces.py).
@@ -38,7 +38,7 @@ class Floor(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """Of a world's model, and how it is stepped."""
+    """Sizes of a world's model, and of its steps."""
 
     positions: int
     dofs: int

@@ -86,7 +86,7 @@ read_control = _function("mj_readCtrl", "uintp", "uintp", "uintp", "int32", "flo
 
 
 class Fields(NamedTuple):
-    """Where the structures keep the addresses of their arrays, in bytes from their beginning."""
+    """Offsets of the arrays' addresses in the structures, in bytes."""
 
     # of mjModel
     dof_damping: int

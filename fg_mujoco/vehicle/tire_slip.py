@@ -165,7 +165,7 @@ class TireSlip:
 
     @property
     def lateral_sliding_speed(self) -> FloatArray:
-        """Of the contact point over the ground, across the wheel's heading [m/s]; NaN without sensors of the axles."""
+        """Speed of the contact point over the ground across the wheel's heading [m/s]; NaN without axle sensors."""
         values: FloatArray = self.values[_LATERAL_SPEED]
         return values
 
@@ -183,7 +183,7 @@ class TireSlip:
 
     @property
     def slip_angle(self) -> FloatArray:
-        """From where the contact moves to the wheel's heading [rad]; positive where the force is to the left.
+        """Angle from the contact's velocity to the wheel's heading [rad]; positive if the force is to the left.
 
         NaN where a wheel of the model `contact` hardly rolls.
         """

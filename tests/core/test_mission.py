@@ -40,7 +40,7 @@ def drive_once(circuit, controller, **settings):
 def assert_no_sliding(result):
     """Fail if any tire of the race slid at any time, or if the slip meter did not see the tires at work."""
     slides = np.stack([result.car.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
-    uses = np.stack([result.car.column(f"friction_use_{wheel}") for wheel in WHEELS])
+    uses = np.stack([result.car.column(f"friction_utilisation_{wheel}") for wheel in WHEELS])
     assert result.car.max_slide_m_s == np.nanmax(slides) <= slides_above(result.car.tires_model), "a tire slid"
     assert result.car.slide_time_fraction == 0.0 and not result.car.column("sliding_steps").any(), "a tire slid"
     assert np.isfinite(slides[:, 1:]).all(), "a tire was off the ground for a whole tick"

@@ -56,7 +56,7 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
     for wheel, tire in zip(("front_left", "front_right", "rear_left", "rear_right"), tires, strict=True):
         assert tire.get_ylabel() == wheel.replace("_", "\n")
         assert tire.get_ylim() == tires[0].get_ylim()
-        assert shows(tire, lap.car.column(f"friction_use_{wheel}"))
+        assert shows(tire, lap.car.column(f"friction_utilisation_{wheel}"))
         np.testing.assert_array_equal(tire.lines[0].get_xdata(), lap.car.column("progress_m"))
         assert shows(tire, [1.0, 1.0])
         assert shows(sliding, lap.car.column(f"slide_{wheel}_m_s"))

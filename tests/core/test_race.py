@@ -248,7 +248,7 @@ def test_the_figures_of_sliding_are_those_of_the_rows():
     assert set(result.car.column("steps")) == {steps} and sliding.max() <= steps
     assert result.car.slide_time_fraction == pytest.approx(sliding.sum() / (steps * len(sliding)))
     assert 0.0 < result.car.slide_time_fraction < 1.0
-    uses = np.column_stack([result.car.column(f"friction_use_{wheel}") for wheel in WHEELS])
+    uses = np.column_stack([result.car.column(f"friction_utilisation_{wheel}") for wheel in WHEELS])
     assert np.nanmax(uses) == pytest.approx(1.0, abs=1e-3)
 
 

@@ -141,7 +141,7 @@ def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):
         acceleration = (data.subtree_linvel[base] - before) / scenery.opt.timestep
         total = np.nansum(forces.friction, axis=0)[:2]
         np.testing.assert_allclose(total, lap.world.parameters.mass * acceleration[:2], atol=1.5)
-        recorded = [lap.car.column(f"friction_use_{wheel}")[tick] for wheel in WHEELS]
+        recorded = [lap.car.column(f"friction_utilisation_{wheel}")[tick] for wheel in WHEELS]
         assert (forces.use <= np.array(recorded) + 1e-6).all()  # greatest of the tick, of which this is the first step
 
 

@@ -201,7 +201,7 @@ def _motion(moving: Moving | None) -> list[Any] | None:
     """Return speed over the ground, sideslip, and of each tire sliding speed and friction utilisation."""
     if moving is None:
         return None
-    tires = zip(moving.slides, moving.friction_use, strict=True)
+    tires = zip(moving.slides, moving.friction_utilisation, strict=True)
     own = [_rounded(moving.ground_speed, 4), _rounded(moving.sideslip, 5)]
     return [*own, [[_rounded(slide, 4), _rounded(use, 3)] for slide, use in tires]]
 

@@ -25,7 +25,7 @@ class Moving:
     ground_speed: float  # [m/s] of the rear axle over the ground; the odometry has that of the wheels
     sideslip: float  # [rad] at the centre of gravity, left positive; NaN below 0.1 m/s
     slides: tuple[float, ...]  # (4,) [m/s] greatest sliding speed of each tire while the command is held
-    friction_use: tuple[float, ...]  # (4,) greatest friction utilisation; NaN: off the ground
+    friction_utilisation: tuple[float, ...]  # (4,) greatest friction utilisation; NaN: off the ground
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -56,12 +56,12 @@ class Window:
             return None
         slides, use = (
             tuple(float(run.column(name.format(wheel))[tick]) for wheel in WHEELS)
-            for name in ("slide_{}_m_s", "friction_use_{}")
+            for name in ("slide_{}_m_s", "friction_utilisation_{}")
         )
         ahead, left = (float(run.column(name)[tick]) for name in ("vx_m_s", "vy_m_s"))
         return Moving(
             ground_speed=math.hypot(ahead, left), sideslip=float(run.column("sideslip_rad")[tick]), slides=slides,
-            friction_use=use,
+            friction_utilisation=use,
         )  # fmt: skip
 
     @property

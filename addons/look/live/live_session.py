@@ -209,7 +209,7 @@ class LiveSession:
     def friction_utilisation(self) -> float:
         """Of the tire with the greatest, in the last tick [-]; 0 where all are in the air."""
         if self._opponents:
-            return self._last_in("friction_use_front_left")
+            return self._last_in("friction_utilisation_front_left")
         return _greatest(self.simulation.slip.friction_utilisation)
 
     @property

@@ -81,7 +81,7 @@ def lap_table(
                 sectors=sectors,
                 top_speed=float(speed.max()),
                 mean_speed=float(speed.mean()),
-                friction_utilisation=float(columns["friction_use"][ticks].max()),
+                friction_utilisation=float(columns["friction_utilisation"][ticks].max()),
                 sliding_share=float(columns["sliding_steps"][ticks].sum()) / steps,
             )
         )

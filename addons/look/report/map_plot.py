@@ -66,7 +66,8 @@ def map_plot(
         name: np.asarray(columns[column][:-1], dtype=np.float32)
         for name, column in (
             ("time_s", "time_s"), ("x0", "x_m"), ("y0", "y_m"), ("speed_m_s", "speed_m_s"),
-            ("friction_use", "friction_use"), ("slide_m_s", "slide_m_s"), ("lap", "lap"), ("progress_m", "progress_m"),
+            ("friction_utilisation", "friction_utilisation"), ("slide_m_s", "slide_m_s"), ("lap", "lap"),
+            ("progress_m", "progress_m"),
         )
     }  # fmt: skip
     pieces["x1"], pieces["y1"] = (np.asarray(columns[name][1:], dtype=np.float32) for name in ("x_m", "y_m"))
@@ -112,7 +113,7 @@ def map_plot(
         HoverTool(
             renderers=[line], line_policy="nearest",
             tooltips=[("time", "@time_s{0.00} s"), ("lap, progress", "@lap, @progress_m{0.0} m"),
-                      ("speed", "@speed_m_s{0.00} m/s"), ("friction utilisation", "@friction_use{0.00}"),
+                      ("speed", "@speed_m_s{0.00} m/s"), ("friction utilisation", "@friction_utilisation{0.00}"),
                       ("sliding", "@slide_m_s{0.000} m/s")],
         )
     )  # fmt: skip
@@ -123,7 +124,7 @@ def colour_scales(columns: dict[str, FloatArray]) -> dict[str, tuple[str, float]
     """Return what the line can be coloured by: name of a column -> title and upper end of its scale."""
     return {
         "speed_m_s": ("speed [m/s]", max(1.0, float(np.abs(columns["speed_m_s"]).max(initial=0.0)))),
-        "friction_use": ("friction utilisation [-]", 1.0),
+        "friction_utilisation": ("friction utilisation [-]", 1.0),
         "slide_m_s": ("sliding [m/s]", max(2.0 * SLIDING_SPEED, float(columns["slide_m_s"].max(initial=0.0)))),
     }
 

@@ -134,19 +134,20 @@ def tick_columns(run: RecordedRun) -> dict[str, FloatArray]:
     """Return the columns of a report's plots, each (ticks,), by name.
 
     Besides those of the telemetry, with its names: `distance_m` that the rear axle drove, `limit_speed_m_s` of the law,
-    `friction_use` and `slide_m_s` of the tire with the greatest, `acceleration_ahead_m_s2`, `acceleration_left_m_s2`.
+    `friction_utilisation` and `slide_m_s` of the tire with the greatest, `acceleration_ahead_m_s2` and
+    `acceleration_left_m_s2`.
     """
     own = (
         "time_s", "lap", "progress_m", "offset_m", "x_m", "y_m", "heading_rad", "speed_m_s", "yaw_rate_rad_s",
         "steering_angle_rad", "command_steering_rad", "command_speed_m_s",
-        *(f"slide_{wheel}_m_s" for wheel in WHEELS), *(f"friction_use_{wheel}" for wheel in WHEELS),
+        *(f"slide_{wheel}_m_s" for wheel in WHEELS), *(f"friction_utilisation_{wheel}" for wheel in WHEELS),
         "sliding_steps", "steps",
     )  # fmt: skip
     columns = {name: run.column(name) for name in own}
     steps = np.hypot(np.diff(columns["x_m"]), np.diff(columns["y_m"]))
     columns["distance_m"] = np.concatenate(([0.0], np.cumsum(steps)))[: len(columns["x_m"])]
     columns["limit_speed_m_s"] = limit_speed(columns["steering_angle_rad"], run.car, run.mu)
-    for name, form in (("friction_use", "friction_use_{}"), ("slide_m_s", "slide_{}_m_s")):
+    for name, form in (("friction_utilisation", "friction_utilisation_{}"), ("slide_m_s", "slide_{}_m_s")):
         tires = np.stack([columns[form.format(wheel)] for wheel in WHEELS])
         columns[name] = np.where(np.isnan(tires), 0.0, tires).max(axis=0)  # NaN: off the ground, and so no force
     if run.summary["max_slide_m_s"] is None:

@@ -27,13 +27,13 @@ from .time_plots import cursor_source, gg_plot, tick_source, time_plots
 
 CLIP_SECONDS = 8.0
 
-_COLOURS = (("speed_m_s", "speed"), ("friction_use", "friction utilisation"), ("slide_m_s", "sliding"))
+_COLOURS = (("speed_m_s", "speed"), ("friction_utilisation", "friction utilisation"), ("slide_m_s", "sliding"))
 _AXES = (("distance_m", "over distance"), ("time_s", "over time"))
 
 _READOUT = (
     ("t", "time_s", 3, "s"), ("lap", "lap", 0, ""), ("progress", "progress_m", 1, "m"),
     ("speed", "speed_m_s", 2, "m/s"), ("limit", "limit_speed_m_s", 2, "m/s"),
-    ("steering", "steering_angle_rad", 3, "rad"), ("friction utilisation", "friction_use", 2, ""),
+    ("steering", "steering_angle_rad", 3, "rad"), ("friction utilisation", "friction_utilisation", 2, ""),
     ("sliding", "slide_m_s", 3, "m/s"), ("ahead", "acceleration_ahead_m_s2", 1, "m/s²"),
     ("left", "acceleration_left_m_s2", 1, "m/s²"),
 )  # fmt: skip

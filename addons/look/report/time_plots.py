@@ -69,7 +69,7 @@ def time_plots(
     lowest = min(0.0, 1.1 * float(columns["speed_m_s"].min(initial=0.0)))
     turn = max(0.05, 1.1 * float(np.abs(columns["steering_angle_rad"]).max(initial=0.0)))
     slide = max(1.4 * SLIDING_SPEED, 1.05 * float(columns["slide_m_s"].max(initial=0.0)))
-    use = max(1.1, 1.05 * float(columns["friction_use"].max(initial=0.0)))
+    use = max(1.1, 1.05 * float(columns["friction_utilisation"].max(initial=0.0)))
 
     speed = _panel("speed [m/s]", across, (lowest, top))
     _line(speed, ticks, "limit_speed_m_s", LAW, "the law's limit, √(g μ b / tan|steering|)", dashed=True)
@@ -81,7 +81,7 @@ def time_plots(
     friction = _panel("friction utilisation [-]", across, (0.0, use))
     sliding = _panel("sliding [m/s]", across, (0.0, slide))
     for wheel, colour in zip(WHEELS, TIRE_COLOURS, strict=True):
-        _line(friction, ticks, f"friction_use_{wheel}", colour, wheel.replace("_", " "))
+        _line(friction, ticks, f"friction_utilisation_{wheel}", colour, wheel.replace("_", " "))
         _line(sliding, ticks, f"slide_{wheel}_m_s", colour, wheel.replace("_", " "))
     mark(friction, [1.0], "width", ALERT)
     mark(sliding, [slides_above(model)], "width", ALERT)

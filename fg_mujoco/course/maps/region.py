@@ -92,7 +92,7 @@ class MapCourse:
 
     @property
     def extent(self) -> float:
-        """Of what the line goes round."""
+        """Extent of the obstacle that the line goes round."""
         return 0.0 if self.goes_round is None else self.goes_round.extent
 
     @property
@@ -367,7 +367,7 @@ class _Leak:
 
     @property
     def width(self) -> float:
-        """Of the hole [m]; infinity where none is known."""
+        """Width of the hole [m]; infinity if none is known."""
         return math.inf if self.hole is None else self.hole.width * self.region.occupancy.resolution
 
     def walled(self) -> OccupancyMap:

@@ -35,7 +35,7 @@ class Moment:
 
     @property
     def heading(self) -> float:
-        """Of the car [rad]."""
+        """Heading of the car [rad]."""
         return math.atan2(self.rotation[1, 0], self.rotation[0, 0])
 
     def smooth_heading(self, span: float) -> float:

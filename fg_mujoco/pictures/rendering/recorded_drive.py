@@ -71,7 +71,7 @@ class Drive:
     @cached_property
     def friction_utilisation(self) -> FloatArray:
         """Greatest friction utilisation of the four tires in each tick (ticks,) [-]; 0 where none is on the ground."""
-        return self._greatest_of_tires("friction_use_front_left")
+        return self._greatest_of_tires("friction_utilisation_front_left")
 
     @cached_property
     def sliding_speed(self) -> FloatArray:
@@ -86,7 +86,7 @@ class Drive:
 
     @cached_property
     def standings(self) -> Any:
-        """Who led whom; None where the car was alone."""
+        """Positions of the cars; None if the car was alone."""
         return PARTS.find("standings")(self.telemetries, self.summary["cars"]) if len(self.telemetries) > 1 else None
 
     def tick_at(self, time: float) -> int:

@@ -174,7 +174,7 @@ class _Strip:
 
     def _tires(self, x: float, width: float, row: dict[str, float], least: float) -> None:
         """Draw a bar for each tire, where it is on the car from above, named; one that slides has a white frame."""
-        use = [row[f"friction_use_{wheel}"] for wheel in WHEELS]
+        use = [row[f"friction_utilisation_{wheel}"] for wheel in WHEELS]
         slide = [row[f"slide_{wheel}_m_s"] for wheel in WHEELS]
         greatest = max(slide, key=lambda v: -1.0 if math.isnan(v) else v)
         slides = greatest > least

@@ -61,7 +61,7 @@ class WheelSpeeds(Sensor):
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class Pose(Sensor):
-    """Where base_link is in the map frame, as a localisation would say it."""
+    """Pose of base_link in the map frame, as from a localisation."""
 
     columns = ("x_m", "y_m", "heading_rad")
     frame = "map"
@@ -91,7 +91,7 @@ class LidarRanges(Sensor):
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class OtherCars(Sensor):
-    """Where base_link of each other car is in the map frame, its speed over the ground and its yaw rate.
+    """Pose of base_link of each other car in the map frame, its speed over the ground and its yaw rate.
 
     So it is as if the cars sent each other their odometry. The others are in the order of the race: those of car 0 are
     cars 1, 2 and so on. The columns of the first are `other_1_x_m`, `other_1_y_m` and so on. The rest of them is NaN

@@ -39,7 +39,7 @@ _ANY_RATE = 1e6  # [Hz]; the physics steps say which rates there are
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CarState:
-    """What a sensor can measure of its car at one moment. The arrays are the engine's own: they are not to be changed.
+    """State of a car at one moment, for a sensor to measure. The arrays are the engine's own: do not change them.
 
     The kernels of `fg_mujoco.vehicle.motion` take `qpos`, `qvel` and `constants`.
     """
@@ -65,7 +65,7 @@ class CarState:
 
     @cached_property
     def odometry(self) -> np.void:
-        """What encoders, steering sensor and IMU measure now, as a row of messages.ODOMETRY."""
+        """Readings of encoders, steering sensor and IMU now, as a row of messages.ODOMETRY."""
         rows = np.zeros(1, ODOMETRY)
         read_odometry(self.time, self.qpos, self.qvel, self.sensordata, self.constants, rows)
         if self.odometry_drift:

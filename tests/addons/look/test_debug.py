@@ -258,7 +258,7 @@ def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):
             assert sideslip == pytest.approx(column("sideslip_rad")[tick], abs=1e-5)
             for (slide, use), wheel in zip(tires, WHEELS, strict=True):
                 assert slide == pytest.approx(column(f"slide_{wheel}_m_s")[tick], abs=1e-4)
-                assert use == pytest.approx(column(f"friction_use_{wheel}")[tick], abs=1e-3)
+                assert use == pytest.approx(column(f"friction_utilisation_{wheel}")[tick], abs=1e-3)
             now = data["before"] + place
             driven = np.array(data["driven"][now - data["ahead"] : now + data["ahead"] + 1])
             there = slice(tick - 20, tick + 21)

@@ -356,7 +356,7 @@ def test_session_drives_as_a_race_of_the_same_cars_does():
     np.testing.assert_array_equal(session.simulation.state[: session.world.model.nq + 1],
                                   race.states[79, : session.world.model.nq + 1])  # fmt: skip
     row = race.car.telemetry[78]
-    first = TELEMETRY.index("friction_use_front_left")
+    first = TELEMETRY.index("friction_utilisation_front_left")
     assert session.friction_utilisation == np.nanmax(row[first : first + 4])
 
 

@@ -27,7 +27,8 @@ TICK = 0.025  # [s]
 def columns_of(time, progress, **others):
     """Columns of a made-up drive."""
     zeros = np.zeros(len(time))
-    names = ("speed_m_s", "friction_use", "x_m", "y_m", "sliding_steps", *(f"slide_{wheel}_m_s" for wheel in WHEELS))
+    slides = (f"slide_{wheel}_m_s" for wheel in WHEELS)
+    names = ("speed_m_s", "friction_utilisation", "x_m", "y_m", "sliding_steps", *slides)
     return dict.fromkeys(names, zeros) | {"time_s": time, "progress_m": progress, "lap": np.ones(len(time)),
                                           "steps": zeros + 5.0, **others}  # fmt: skip
 

@@ -131,8 +131,8 @@ def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(r
         assert marked["y_m"][0] == pytest.approx(row["y_m"], abs=1e-4)
 
         page.click("[data-switch=across][value=time_s]")
-        page.click("[data-switch=colour][value=friction_use]")
-        assert page.get_attribute("#map", "data-colour") == "friction_use"
+        page.click("[data-switch=colour][value=friction_utilisation]")
+        assert page.get_attribute("#map", "data-colour") == "friction_utilisation"
         page.locator(".plots").nth(1).hover(position={"x": 500, "y": 110})
         page.wait_for_timeout(300)
         assert int(page.get_attribute("#readout", "data-tick")) != tick
