@@ -38,11 +38,10 @@ from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
 from .beside import begin
-from .kernel_files import made_once, read_kept, say, write_kept
+from .kernel_files import compile_line, made_once, read_kept, write_kept
 from .kernel_keys import kernel_file
 from .machine_code import INLINED, LOADING, OPTIONS, MachineCode, kinds, machine, omitted, text_of
 
-_ANNOUNCED = "FG_MUJOCO_COMPILING"  # environment variable: set once somebody has said that kernels are being compiled
 _LARGEST_PART = 200_000  # [bytes] of bitcode: a larger part holds most of the one kernel that calls it
 _functions: WeakSet[Callable[..., Any]] = WeakSet()  # of which kernels are made
 
@@ -185,7 +184,8 @@ class Dispatcher(CPUDispatcher):  # type: ignore[misc]
 
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from disk, and return what Python is to call."""
-        with event.trigger_event(LOADING), self._cache.made_once(signature, self.targetctx):
+        made_once = self._cache.made_once(signature, self.targetctx)
+        with event.trigger_event(LOADING), made_once, compile_line.cleared():
             return self._made(signature)  # timed until all that was made for it is collected, which may take a second
 
     def _made(self, signature: Any) -> Any:
@@ -450,9 +450,7 @@ class _KernelCache(NullCache):  # type: ignore[misc]
             kept = read_kept(self._file(signature, target.codegen()))
             if kept is not None:
                 return self.unpacked(self._numbas(kept), target)
-        if _ANNOUNCED not in os.environ:  # in the first of a family of processes that compiles kernels
-            os.environ[_ANNOUNCED] = "announced"
-            say("compiling kernels, once; the first race takes about half a minute longer")
+        if compile_line.name(self._function.__name__):
             begin()
         return None
 

@@ -11,6 +11,7 @@ import shutil
 import stat
 import sys
 import tempfile
+import threading
 import time
 import uuid
 from collections.abc import Iterator
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 _PACKAGE = "fg_mujoco"
 _TEMPORARY = f"{_PACKAGE}-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
 _LOCKS = "locks"
+_LONG = 3.0  # [s] of compiling from which on a terminal is told at the end how long it took
 _ELSEWHERE = ("addons", "controllers", "models", "tracks")  # top-level folders of ours in the repository
 
 
@@ -95,11 +97,84 @@ def _open_to_others(folder: Path) -> bool:
     )
 
 
+class CompileLine:
+    """The line on a terminal that names the kernel that is being compiled; in a pipe nothing is written.
+
+    Only the first process of a family that compiles writes it: those that it starts inherit ANNOUNCED.
+
+    Attributes:
+      text: what is being compiled now, for who else writes lines over each other; empty: nothing.
+    """
+
+    ANNOUNCED = "FG_MUJOCO_COMPILING"
+    """Environment variable: set once a process compiles, to its number; another text keeps all quiet."""
+
+    def __init__(self) -> None:
+        self.text = ""
+        self._count, self._seconds, self._began, self._depth = 0, 0.0, 0.0, 0
+        self._counting = threading.Lock()  # of threads that compile at the same time
+
+    def name(self, kernel: str) -> bool:
+        """Show the name of a kernel that is compiled from now on; return whether it is the first of the family."""
+        own, owner = str(os.getpid()), os.environ.get(self.ANNOUNCED)
+        os.environ.setdefault(self.ANNOUNCED, own)
+        if owner not in (None, own):
+            return False
+        if not self._count:
+            atexit.register(self._sum_up)
+        if not self.text:
+            self._began = time.perf_counter()
+        self._count += 1
+        taken = self._seconds + time.perf_counter() - self._began
+        self.text = f"compiling kernels, which are kept for later: number {self._count}, {kernel}, {taken:.0f} s so far"
+        _write(f"\r\x1b[K{self.text}")
+        return owner is None
+
+    @contextlib.contextmanager
+    def cleared(self) -> Iterator[None]:
+        """Take the line away once all is compiled that was begun in here."""
+        with self._counting:
+            self._depth += 1
+        try:
+            yield
+        finally:
+            with self._counting:
+                self._depth -= 1
+            if self.text and not self._depth:
+                self._seconds, self.text = self._seconds + time.perf_counter() - self._began, ""
+                _write("\r\x1b[K")
+
+    def _sum_up(self) -> None:
+        if self._seconds >= _LONG and _is_terminal():
+            say(f"compiled {self._count} kernels in {self._seconds:.0f} s, once: they are kept in {cache_folder()}")
+
+
+compile_line = CompileLine()
+"""Of this process."""
+
+
 def say(line: str) -> None:
     """Write a line to stderr, if there is one and it is open."""
     if sys.stderr is not None:
         with contextlib.suppress(OSError, ValueError):
             print(f"fg_mujoco: {line}", file=sys.stderr, flush=True)
+
+
+def _is_terminal() -> bool:
+    """Return whether stderr is one."""
+    try:
+        return sys.stderr is not None and sys.stderr.isatty()
+    except ValueError:  # it is closed
+        return False
+
+
+def _write(text: str) -> None:
+    """Write to stderr, if it is a terminal."""
+    if not _is_terminal():
+        return
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.write(text)
+        sys.stderr.flush()
 
 
 def read_kept(file: Path) -> Any:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import explain_class
+from ..compiled.kernels import CompileTime
 from ..course.course import Course
 from ..errors import SettingsError
 from ..messages import Controller
@@ -158,8 +159,9 @@ def _race(
     history, control = History(engine), race_control(engine, names=names, rules=setup.rules)
 
     started = time.perf_counter()
-    ended = _drive(engine, history, control, clock, watch)
-    wall_time = time.perf_counter() - started
+    with CompileTime() as compiling:
+        ended = _drive(engine, history, control, clock, watch)
+    wall_time = time.perf_counter() - started - compiling.seconds
     control.finish()
 
     order, trajectory, failures = control.order(), history.arrays(), engine.planners.failures

@@ -231,8 +231,8 @@ class RaceResult(Shown):
     warnings: tuple[Warned, ...]  # of race control
     restarts: tuple[Restart, ...]
     sim_time_s: float  # until the last car's race was over
-    wall_time_s: float
-    realtime_factor: float  # sim_time_s / wall_time_s, loading and compiling kernels included
+    wall_time_s: float  # without compiling kernels, and loading them
+    realtime_factor: float  # sim_time_s / wall_time_s
     trajectory_sha256: str  # of all states and controls, bit for bit
     world: World = field(repr=False)
     states: FloatArray = field(repr=False)  # (ticks + 1, n) mjSTATE_INTEGRATION at the start of each tick; the last
