@@ -12,6 +12,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -49,6 +50,8 @@ SCAN_NOISE = 0.01
 """[m] Standard deviation of each range."""
 RANGE_MAX = 30.0
 """[m] Where nothing is."""
+_FAR = 1000.0  # [m] from the course: there cars come to rest
+_SETTLING = 3.0  # [s] that they take
 LAPS = 2
 """After how many an episode is done."""
 
@@ -178,10 +181,16 @@ class Driving:
                 stacklevel=4,
             )
         self._warn_of_walls(poses, axles)
+        qpos, userdata = self._at_rest
         self.engine.place([Start()] * len(cars))
         data = self.data
-        for car, pose in zip(cars, axles, strict=True):
-            car.set_pose(data, *pose)
+        data.qpos[:], data.userdata[:] = qpos, userdata
+        for constants, (x, y, heading) in zip(self._constants, axles, strict=True):
+            free = int(constants["free_qpos"][0])
+            turned, rest = (math.cos(0.5 * heading), 0.0, 0.0, math.sin(0.5 * heading)), qpos[free + 3 : free + 7]
+            data.qpos[free : free + 2] = x, y
+            mujoco.mju_mulQuat(data.qpos[free + 3 : free + 7], np.array(turned), rest)
+        mujoco.mj_forward(self.world.model, data)
         self.engine.load(complete_state(self.world.model, data))
         for controller in self._controllers:
             controller.reset()
@@ -190,6 +199,20 @@ class Driving:
         self._biases = [self._errors.bias(rng, self._beams) for rng in self._noise]
         self.laps = [LapCount(self.world.track, *pose) for pose in poses]
         self.motions = [self.motion(agent) for agent in self._agents]
+
+    @cached_property
+    def _at_rest(self) -> tuple[FloatArray, FloatArray]:
+        """Joint positions and user data of cars that have come to rest on their springs, far from the course."""
+        engine = self.engine
+        engine.place([Start()] * len(self.world.cars))
+        data = self.data
+        for row, car in enumerate(self.world.cars):
+            car.set_pose(data, _FAR, _FAR + 10.0 * row, 0.0)
+        engine.load(complete_state(self.world.model, data))
+        engine.commands[:] = 0.0
+        for _ in range(math.ceil(_SETTLING / engine.period)):
+            engine.drive()
+        return self.data.qpos.copy(), data.userdata.copy()
 
     def _warn_of_walls(self, poses: Sequence[Sequence[float]], axles: Sequence[Sequence[float]]) -> None:
         """Warn of poses in a wall, and of those beyond the walls, where a script drives as in the gym."""
@@ -269,7 +292,7 @@ class Driving:
         """Return a car's state as the gym has it: x, y, steering angle, speed, heading, yaw rate, slip angle. (7,)."""
         x, y, heading, ahead, left, yaw_rate = self.motions[agent]
         slip = math.atan2(left, ahead) if math.hypot(ahead, left) >= car_motion.SIDESLIP_SPEED else 0.0
-        return np.array([x, y, self.steering(agent), ahead, heading % math.tau, yaw_rate, slip])
+        return np.array([x, y, self.steering(agent), ahead, heading % math.tau % math.tau, yaw_rate, slip])
 
     def _speeds(self, agent: int) -> tuple[float, float]:
         """Return the speed of a car's wheels and its speed over the ground [m/s]."""

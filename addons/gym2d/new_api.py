@@ -210,7 +210,9 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         self.renderer = self._make_renderer()
         self._steering, self._steps, self._along = np.zeros(self.num_agents), 0, np.zeros(self.num_agents)
         self.terminated_agents = np.zeros(self.num_agents, np.bool_)
-        self._generator = np.random.default_rng(self.seed)
+        # the gym draws places by NumPy's own generator, which nobody seeds, and has the seed for the noise alone
+        own_seed = None if self.seed == self.default_config()["seed"] else self.seed
+        self._generator = np.random.default_rng(own_seed)
         self._actuation = Actuation(setting, self.num_agents)
 
     @classmethod
@@ -271,7 +273,8 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         """Place the cars, let them stand for one step, and return an observation and the info of `step`.
 
         Args:
-          seed: of the places that are drawn.
+          seed: of the places that are drawn; None: the places go on as drawn so far. Without any seed, or with the
+            config's default one, each environment draws others.
           options: with `poses` of the rear axles (num_agents, 3), x [m], y [m], heading [rad], or `states`
             (num_agents, 7), as `sim.agents` have them; without, poses are drawn as `reset_config` says.
 

@@ -194,7 +194,7 @@ class Simulator:
         if len(motions) != self.num_agents:
             return np.zeros((self.num_agents, 3))
         poses = np.array(motions)[:, :3]
-        poses[:, 2] %= math.tau
+        poses[:, 2] = poses[:, 2] % math.tau % math.tau  # once alone makes 2 pi of -1e-17
         return poses
 
     @property
@@ -322,7 +322,7 @@ class Simulator:
             "scans": self.agent_scans,
             "poses_x": x,
             "poses_y": y,
-            "poses_theta": [angle % math.tau for angle in heading],
+            "poses_theta": [angle % math.tau % math.tau for angle in heading],
             "linear_vels_x": ahead,
             "linear_vels_y": left,
             "ang_vels_z": yaw_rate,

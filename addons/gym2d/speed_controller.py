@@ -21,7 +21,7 @@ import math
 from fg_mujoco.messages import CarParameters
 
 _FORWARD, _BACK = 10.0, 2.0  # [-] f1tenth_gym: times a_max over the greatest speed is the gain
-_LEARNED = 0.5  # [-] ours: share of what was missing that is added each time
+_LEARNED = 0.0144  # [s] ours: time constant with which what was missing is added, half of it in a step of 10 ms
 _MOST_ADDED = 0.5  # [-] ours: of a_max; the tires' drag is less
 _LEAST_SPEED = 0.5  # [m/s] f1tenth_gym: below, its model is the kinematic one, without slip
 _LEAST_OF_GAIN = 0.1  # [m/s] ours: the gym divides by |v_min|, which is 0 where a car is not to reverse
@@ -38,6 +38,7 @@ class SpeedController:
 
     def __init__(self, car: CarParameters, *, over_ground: bool, timestep: float) -> None:
         self._car, self._over_ground, self._timestep = car, over_ground, timestep
+        self._learned = -math.expm1(-timestep / _LEARNED)
         self._reach = timestep / -math.expm1(-timestep / car.speed_time_constant)  # [s]
         self.reset()
 
@@ -60,7 +61,7 @@ class SpeedController:
         else:
             missing = self._asked - (ground_speed - self._before) / self._timestep
             most = _MOST_ADDED * self._car.max_acceleration
-            self._added = min(max(self._added + _LEARNED * missing, -most), most)
+            self._added = min(max(self._added + self._learned * missing, -most), most)
         self._before, self._asked = ground_speed, self._acceleration(wanted, ground_speed)
         return wheel_speed + self._reach * (self._asked + self._added)
 

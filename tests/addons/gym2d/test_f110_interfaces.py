@@ -188,6 +188,16 @@ def test_a_reset_draws_poses_that_stand_apart_by_the_seed(kind, drawn):
     assert not first["collisions"].any()
 
 
+def test_environments_without_a_seed_begin_at_places_of_their_own(drawn):
+    def places(**config):
+        return [new_env(drawn, reset_config={"type": "rl_random_static"}, **config).reset()[0] for _ in range(2)]
+
+    first, other = places()
+    assert not np.array_equal(first["poses_x"], other["poses_x"])
+    first, same = places(seed=5)
+    np.testing.assert_array_equal(first["poses_x"], same["poses_x"])
+
+
 def test_configuration_objects_are_the_settings(drawn):
     from fg_mujoco.addons.gym2d import gym_config
 
