@@ -209,7 +209,7 @@ class Recording:
     def _measures(self, topic: Topic, quantity: str) -> bool:
         """Return whether the first message of an IMU measures a quantity."""
         found = True
-        with suppress(BagError):  # of messages that cannot be read, which is said where they are
+        with suppress(BagError), self.blame():  # of what cannot be read, which is said where it is read
             found = all(measures(heard.message, quantity) for heard in self._as_recorded({topic}, 1))
         return found
 
@@ -251,7 +251,7 @@ class Recording:
         if topic not in self._signs:
             self._signs[topic] = _RIGHT
             if topic not in self._composed:
-                with suppress(BagError):  # of messages that cannot be read, which is said where they are
+                with suppress(BagError), self.blame():  # of what cannot be read, which is said where it is read
                     self._signs[topic] = self._found_signs(topic)
         return self._signs[topic]
 

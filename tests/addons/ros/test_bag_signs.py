@@ -139,3 +139,10 @@ def test_every_command_that_reads_bags_turns_the_sign_round_and_says_so(tmp_path
     for command, *options in (("bag",), ("replay-scans", "--out", f"{tmp_path}/c.csv")):
         assert main([command, str(bag), *options]) == 0
         assert capsys.readouterr().err.count(f"/odom: {told}") == 1
+
+
+def test_a_table_is_shown_of_a_bag_whose_scans_cannot_be_read(tmp_path, monkeypatch, capsys):
+    bag = circle(tmp_path, STOCK, commands=False)
+    monkeypatch.setattr("fg_mujoco.addons.ros.bag_recording.to_scan", lambda *_: object().ranges)
+    assert main(["bag", str(bag)]) == 0
+    assert "/scan" in capsys.readouterr().out
