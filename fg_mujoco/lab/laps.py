@@ -219,7 +219,7 @@ def _speed_rows(track: str, controller: str, line: Line, *speeds: FloatArray) ->
     every = max(1, round(_SAMPLING / float(line.steps.mean())))
     values = np.column_stack((distance, *line.points.T, line.curvature, *speeds))[::every].tolist()
     names = ("distance_m", "x_m", "y_m", "curvature_1_m", "speed_m_s", "bound_m_s", "holding_m_s",
-             "guarded_m_s")  # fmt: skip
+             "limited_m_s")  # fmt: skip
     return [{"track": track, "controller": controller, **dict(zip(names, row, strict=True))} for row in values]
 
 
@@ -306,7 +306,7 @@ def _draw_speeds(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
         distance = column(own, "distance_m")
         theory(axes, distance, column(own, "bound_m_s"), "bound: point mass")
         axes.plot(distance, column(own, "holding_m_s"), color="0.6", linewidth=0.9, label="axles hold")
-        axes.plot(distance, column(own, "guarded_m_s"), color=COLOURS[4], linewidth=0.9, label="the limiter's shares")
+        axes.plot(distance, column(own, "limited_m_s"), color=COLOURS[4], linewidth=0.9, label="the limiter's shares")
         axes.plot(distance, column(own, "speed_m_s"), color=COLOURS[0], linewidth=1.3, label="as driven")
         axes.set_ylim(0.0, 8.6)
         axes.set_xlim(0.0, float(distance[-1]))
