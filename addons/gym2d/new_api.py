@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import FloatArray, shown
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.settings import FURTHEST
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -290,7 +291,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         states = np.zeros((self.num_agents, 7))
         if said.get("states") is not None:
             meaning = "x, y, steering angle, speed, heading, yaw rate, slip angle"
-            states = np.array(checked(said["states"], self.num_agents, 7, "states", meaning))
+            states = np.array(checked(said["states"], self.num_agents, 7, "states", meaning, most=FURTHEST))
             self._place(states[:, [0, 1, 4]])
             for agent, state in zip(self.sim.agents, states, strict=True):
                 agent.state = state

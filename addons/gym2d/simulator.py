@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 import warnings
 from collections.abc import Mapping
 from enum import Enum
@@ -27,6 +28,7 @@ from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import FloatArray, shown
 from fg_mujoco.simulation.cars import WorldCar
+from fg_mujoco.simulation.settings import FURTHEST
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
@@ -291,7 +293,7 @@ class Simulator:
         Raises:
           SettingsError: another shape, or a number that is not finite.
         """
-        placed = checked(poses, self.num_agents, 3, "poses", "x, y, heading")
+        placed = checked(poses, self.num_agents, 3, "poses", "x, y, heading", most=FURTHEST)
         if self.course is None:
             self.set_map(Track.from_refline([0.0, 10.0], [0.0, 0.0], [1.0, 1.0]))  # open ground, as a gym without a map
         self._take_scanner()
@@ -620,11 +622,13 @@ class ScanSimulator2D:
         return self.angle_increment
 
 
-def checked(values: ArrayLike, count: int, columns: int, name: str, meaning: str) -> list[list[float]]:
-    """Return the rows of an array (count, columns) of finite numbers.
+def checked(
+    values: ArrayLike, count: int, columns: int, name: str, meaning: str, *, most: float = sys.float_info.max
+) -> list[list[float]]:
+    """Return the rows of an array (count, columns) of finite numbers of at most `most`.
 
     Raises:
-      SettingsError: another shape, or a number that is not finite.
+      SettingsError: another shape, or a number that is not finite or greater.
     """
     shape = (count, columns)
     try:
@@ -632,8 +636,9 @@ def checked(values: ArrayLike, count: int, columns: int, name: str, meaning: str
     except (TypeError, ValueError, OverflowError) as error:
         accepted = f"finite numbers of shape {shape}, {meaning}"
         raise SettingsError(f"{name} is {shown(values)}; accepted: {accepted}") from error
-    if array.shape != shape or not np.isfinite(array).all():
-        raise SettingsError(f"{name} is {array.tolist()}; accepted: finite numbers of shape {shape}, {meaning}")
+    if array.shape != shape or not (np.abs(array) <= most).all():
+        up_to = "" if most == sys.float_info.max else f" up to {most:g}"
+        raise SettingsError(f"{name} is {array.tolist()}; accepted: finite numbers{up_to} of shape {shape}, {meaning}")
     rows: list[list[float]] = array.tolist()
     return rows
 

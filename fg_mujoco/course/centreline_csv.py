@@ -49,8 +49,8 @@ WIDEST_ROAD = 30.0
 """[m] No road is wider, of those that are driven from wall to wall."""
 
 _MILLIMETRES = 600.0  # a number of so many, or more, is a width of this kind of course in millimetres
-_SPECIFICATION = re.compile(r"(?P<path>.*\.(?:csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?", re.IGNORECASE)
-_ANY = re.compile(r"(?P<path>.+)\[(?P<settings>.*)\]")
+_SPECIFICATION = re.compile(r"(?is)(?P<path>.*\.(?:csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?")
+_ANY = re.compile(r"(?s)(?P<path>.+)\[(?P<settings>.*)\]")
 _REPEATED = 1e-3  # [m] points nearer than this are one
 _APART, _MOST_PAIRS = 0.1, 2.5e6  # [m], and pairs of points within a width of each other: 4 s
 _GREATEST_SCALE = 1e6  # of a course, and a width in metres: numbers in messages stay short
@@ -120,7 +120,8 @@ def read_centreline(
         if widths is not None:
             file = replace(file, said=f"{file.said}; width={width:g} in place of its widths")
         if not 0.0 < width <= _GREATEST_SCALE:
-            raise TrackError(f"{path}: width is {width!r}; accepted: metres above 0, at most {WIDEST_ROAD:g}")
+            accepted = f"a positive number of metres, {WIDEST_ROAD:g} at most"
+            raise TrackError(f"{path}: width is {width!r}; accepted: {accepted}")
         widths = np.full((2, len(points)), 0.5 * width)
         try:
             _require_metres(points, widths)

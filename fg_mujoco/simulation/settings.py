@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 _Part = TypeVar("_Part")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
-_FURTHEST = 1e6  # [m], [rad], [m/s] of a start: MuJoCo takes positions up to 1e10
 FASTEST = 8.0
 """[m/s] The fastest that a planner may command unless it is told otherwise: that of the published lap times."""
 
@@ -50,6 +49,9 @@ _ACCEPTED_SPEED = f"a positive number up to {GREATEST_SPEED:g} m/s; the motor of
 
 KNOWN = ("", "opponents")
 """Knowledge that `knows` accepts; each is the name of a sensor, too, which has noise, delay and rate as settings."""
+
+FURTHEST = 1e6
+"""[m], [rad] and [m/s] of a start: MuJoCo warns of positions beyond 1e10."""
 
 LONGEST_RACE = 86400.0
 """[s] Longest time limit that is accepted, a day: a race keeps about 60 kB for each second."""
@@ -149,7 +151,7 @@ class Start:
 
     def __post_init__(self) -> None:
         names = ("s", "offset", "heading", "speed")
-        require(self, lambda value: abs(value) <= _FURTHEST, f"-{_FURTHEST:g} to {_FURTHEST:g}", names, SettingsError)
+        require(self, lambda value: abs(value) <= FURTHEST, f"-{FURTHEST:g} to {FURTHEST:g}", names, SettingsError)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

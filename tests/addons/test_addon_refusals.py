@@ -307,6 +307,7 @@ CALLS = [
     (f110.make, {"map": "oval", "map_ext": 10**400}, "; accepted: a finite number from 0.01 to 100"),
     *((act, action, "accepted: finite numbers of shape (1, 2), steering angle, speed")
       for action in ([[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]])),
+    (lambda poses: f110.make(map="oval").reset(poses), [[1e18, 0.0, 0.0]], "finite numbers up to 1e+06 of shape"),
     (gym_config.EnvConfig, {"max_laps": 3}, "no argument 'max_laps'"),
     (gym_config.EnvConfig, {"contact_config": 1}, "accepted: a ContactConfig"),
     (gym_config.EnvConfig, {"collision_check": gym_config.CollisionCheckMode.NONE}, "walls are solid here"),

@@ -43,7 +43,7 @@ _REPEATED = 1e-6  # [m] points nearer than this are one
 _MUCH_GREY = 0.05  # share of a course's line that leads over unknown ground
 _HALVINGS = 5  # of the smoothing, until the line is clear of the walls
 _WALL_SPACING = 0.02  # [m] of the points of walls that the line's distance is measured to: true to 0.1 mm
-_SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE)
+_SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE | re.DOTALL)
 
 
 def is_map(name: str) -> bool:

@@ -203,7 +203,7 @@ def spoiled(text, cell, place):
         ("a.json", json.dumps({str(key): {} for key in range(3000)}), "more than 2000 objects"),
         ("a.json", json.dumps({"x": [0, *[1] * 200_001], "y": [0, 1]}), "more than 200000 points"),
         ("a.csv[scale=1e300]", table(CENTRE), "scale is 1e.300; accepted: 1e-06 to 1e.06"),
-        ("a.csv[width=1e300]", table(CENTRE), "width is 1e.300; accepted: metres above 0, at most 30"),
+        ("a.csv[width=1e300]", table(CENTRE), "width is 1e.300; accepted: a positive number of metres, 30 at"),
         ("a.csv", "".join(f"{k}, {k * k % 7}, inf, 3\n" for k in range(50)), "line 1: w_tr_right_m is 'inf'"),
         ("paddock/track.yaml", "centreline: a.csv\ncentreline: centreline.csv", "line 2: the key 'centreline'"),
         ("a.npy", LINE[:, 0], "has float64 of shape .200,.; accepted: numbers .n, k."),
