@@ -239,7 +239,7 @@ def _standing_faults(model: Any) -> Iterator[str]:
                 "in it"
             )
         height = float(data.body(f"{wheel}_wheel").xpos[2] - data.geom("ground").xpos[2])
-        if not abs(4.0 * shares[wheel] / height - 1.0) <= _RADIUS_TOLERANCE:
+        if not abs(4.0 * shares[wheel] - height) <= _RADIUS_TOLERANCE * abs(height):
             undriven.append(f"{wheel}_wheel roll on {4.0 * shares[wheel]:.4g} m, its middle at {height:.4g} m")
     if undriven:
         yield (

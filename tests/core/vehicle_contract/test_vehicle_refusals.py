@@ -177,6 +177,8 @@ def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, aft
         ([('name="base_link" pos="0 0 0.0486', 'name="base_link" pos="0 0 0.04')], "front_left_tire is 8.64 mm in"),
         ([('name="rear_left_carrier" pos="0 0.118 0"', 'name="rear_left_carrier" pos="0 0.118 0.02"')],
          "rear_left_tire is 19.2 mm over the ground at rest"),
+        ([('name="rear_left_carrier" pos="0 0.118 0"', 'name="rear_left_carrier" pos="0 0.118 -0.0486075"')],
+         "rear_left_wheel roll on 0.049 m, its middle at 0 m"),
         ([('springref="-0.0040268"', 'springref="0.03"')], "the chassis moves by"),
         ([('stiffness="2000"', 'stiffness="0"'), ('range="-0.010 0.010"', 'range="-0.2 0.2"')], "the chassis moves by"),
         ([("0.01225", "0.0245")], "tendon 'drive' makes front_left_wheel roll on 0.098 m"),
