@@ -16,7 +16,7 @@ from ..display import brief
 from ..errors import ModelError
 from ..messages import ODOMETRY, CarParameters, DriveCommand, Odometry
 from . import motion as car_motion
-from .steering import response
+from .steering_servo import response
 from .tires import tires_of
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")

@@ -21,7 +21,7 @@ from ..arguments import explain_class
 from ..errors import ModelError
 from ..messages import FloatArray, require
 from .car import steering_of
-from .steering import response
+from .steering_servo import response
 
 STEERING_MAP, ACCELERATION_MAP = "steering_map", "acceleration_map"
 _PARTS = {STEERING_MAP: "gain, offset [rad]", ACCELERATION_MAP: "gain, gain of negative ones, delay [s]"}

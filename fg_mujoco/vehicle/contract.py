@@ -24,7 +24,7 @@ from .bodywork import HULL
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice, steering_of
 from .command_response import command_response
 from .drive_check import engine_faults
-from .steering import ackermann
+from .steering_servo import ackermann
 from .tire_slip import TireSlipMeter
 from .vehicle_mjcf import OWN_CAR
 

@@ -19,7 +19,7 @@ from ..errors import ModelError
 from ..messages import FloatArray
 from .car import WHEELS, element_id, steering_of
 from .changes import six_digits
-from .steering import ackermann, is_ours, is_plain_servo
+from .steering_servo import ackermann, is_ours, is_plain_servo
 from .tires import LAW_OF, LAWS, NUMBERS, NUMERIC, Tires, tires_of
 from .tires.sets import numbers_of
 

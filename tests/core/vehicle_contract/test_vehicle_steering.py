@@ -7,7 +7,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.vehicle.steering import _driven
+from fg_mujoco.vehicle.steering_servo import _driven
 from fg_mujoco.vehicle.tire_rows import peaks
 from vehicle_worlds import F1TENTH
 
