@@ -60,6 +60,10 @@ def says_nothing_else(model: mujoco.MjModel, kind: str, indices: Sequence[int], 
     return all(bool((getattr(model, name)[own] == value).all()) for name, value in _plain_fields(kind, like).items())
 
 
+_OF_A_PULL = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "armature", "limited")
+"""Fields of a tendon that exerts a force by itself."""
+
+
 def is_plain_servo(model: mujoco.MjModel, actuator: int, like: int) -> bool:
     """Return whether an actuator is a servo of ours: `like` 0 of a joint's position, 1 of a tendon's speed."""
     on = not int(model.opt.disableflags) & _OFF and not model.opt.disableactuator
@@ -141,11 +145,24 @@ def _is_tied(model: mujoco.MjModel, joints: Sequence[int], equalities: Sequence[
             tied = model.eq_objtype[equality] == kinds.mjOBJ_BODY and any(end in moved for end in ends)
         if tied and model.eq_active0[equality]:
             return True
-    objects = model.wrap_objid
+    objects, last = model.wrap_objid, model.tendon_adr + model.tendon_num
     return any(
-        (kind == wraps.mjWRAP_JOINT and int(objects[wrap]) in joints)
-        or (kind == wraps.mjWRAP_SITE and int(model.site_bodyid[objects[wrap]]) in moved)
-        for wrap, kind in enumerate(model.wrap_type.tolist())
+        (model.wrap_type[wrap] == wraps.mjWRAP_JOINT and int(objects[wrap]) in joints)
+        or (model.wrap_type[wrap] == wraps.mjWRAP_SITE and int(model.site_bodyid[objects[wrap]]) in moved)
+        for tendon in range(model.ntendon)
+        if _pulls(model, tendon)
+        for wrap in range(int(model.tendon_adr[tendon]), int(last[tendon]))
+    )
+
+
+def _pulls(model: mujoco.MjModel, tendon: int) -> bool:
+    """Return whether a tendon can exert a force: those of a look are only to be seen."""
+    tied = model.eq_objtype[model.eq_type == mujoco.mjtEq.mjEQ_TENDON].size > 0
+    driven = model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
+    return bool(
+        tied
+        or tendon in driven
+        or any(np.any(getattr(model, f"tendon_{name}")[tendon]) for name in _OF_A_PULL)
     )
 
 
