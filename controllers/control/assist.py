@@ -70,7 +70,7 @@ def names_in(assist: object, what: str = "assist") -> tuple[tuple[str, str], ...
     for name in names:
         if name not in ASSISTS and name not in STAGES and not (name and STAGES.entry_points(name)):
             said = f"{what} is {assist!r}" if len(names) < 2 else f"{what} {assist!r}: there is no stage {name!r}"
-            accepted = accepted_names(name, (*ASSISTS, *STAGES.names()), "several joined by commas")
+            accepted = accepted_names(name, (*ASSISTS, *STAGES.names()), ", or several joined by commas")
             raise SettingsError(f"{said}; {accepted}")
         if names.count(name) > 1:
             raise SettingsError(f"{what} {assist!r} has {name} twice; accepted: each stage once")

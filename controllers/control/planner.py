@@ -197,7 +197,8 @@ class Planner(Remade):
           ControllerError: it is no dict of stages, or a name is that of another stage or of an assist.
         """
         own: Any = self.own_stages()
-        said, accepted = f"{type(self).__name__}.own_stages() returned", "accepted: a dict of stages by name"
+        said = f"{type(self).__name__}.own_stages() returned"
+        accepted = "accepted: a dict of stages by names of letters, digits and _"
         if not isinstance(own, Mapping):
             raise ControllerError(f"{said} {shown(own)}; {accepted}")
         for name, stage in own.items():

@@ -177,7 +177,7 @@ def creep(
 @each(
     ("made", "said"),
     [
-        (lambda: None, "own_stages() returned None; accepted: a dict of stages by name"),
+        (lambda: None, "own_stages() returned None; accepted: a dict of stages by names"),
         (lambda: {"creep": creep}, "own_stages() returned 'creep': "),
         (lambda: {"my stage": Stage()}, "own_stages() returned 'my stage': "),
         (lambda: {"sight": Stage(after_driving=creep)}, "returned 'sight', another name of `assist`"),

@@ -377,7 +377,7 @@ CALLS = {
         (lambda: GapFinder(CAR, math.inf, assist="none,sight"), "sight, which needs a friction limit, and mu is inf"),
         *((lambda assist=assist: GapFinder(CAR, MU, assist=assist), said) for assist, said in {
             "fulll": "is 'fulll'; accepted: none, grip, .*did you mean 'full'", "full,": "there is no stage ''",
-            "full,creeep": "there is no stage 'creeep'; accepted: none, grip", "sight+sight": "has sight twice",
+            "full,creeep": "there is no stage 'creeep'; accepted: .*, or several", "sight+sight": "has sight twice",
             "prediction": "has prediction, which needs safety_filter; accepted: prediction.safety_filter",
             "full-limiter": "has guidance, which needs limiter",
         }.items()),
