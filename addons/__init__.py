@@ -8,7 +8,7 @@
     realcar   drives and bags of real cars: identify, validate, map, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
     formats   courses, lines and cars in the files that teams have
-    drivers   planners that follow a line of a map, learn, localise themselves or overtake; racelines
+    drivers   planners that follow a line of a map, localise themselves or overtake; racelines
 
 The tables below name what each provides, as "addon.module:attribute"; `fg_mujoco.registry.added` reads them. Nothing is
 imported before it is used. An add-on imports the core, and from other add-ons only what pyproject.toml lists.
@@ -70,11 +70,6 @@ SCENES = {
 }
 """Scenes by name."""
 
-STAGES = {
-    "learn": "drivers.friction_learning:LEARN",
-}
-"""Stages of driving by the names that `assist` joins."""
-
 SCHEMES = {
     "policy": "learn.policy_planner:POLICIES",
     "ros": "ros.node_host.ros_planner:NODES",
@@ -92,7 +87,6 @@ PARTS = {
     "floor": "realcar.floors:Floor",
     "floor names": "realcar.floors:floor_names",
     "is comparison": "arena.study.pages:is_comparison",
-    "learned friction": "drivers.learned_friction:LearnedFriction",
     "line table": "formats.tables:line_table",
     "lidar effects": "realcar.measured_errors:effect_names",
     "localised": "drivers.localisation.localised:localised",

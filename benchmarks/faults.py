@@ -48,19 +48,6 @@ class Fault:
 
 
 FAULTS = {
-    # policies that learn the friction
-    "a policy that learns nothing of the friction between its steps": Fault(
-        file="fg_mujoco/envs/policy_interface.py",
-        old="if self._observer.needs_every_tick:",
-        new="if False:",
-        tests="test_policy_interface.py",
-    ),
-    "what a car has learned of the friction that the next episode begins with": Fault(
-        file="addons/drivers/learned_friction.py",
-        old="self._learned[which] = np.zeros((), LEARNED)",
-        new="self._learned[which][\"use\"] = 0.0",
-        tests="test_policies_that_learn.py",
-    ),
     # the lap that is remembered, and the line through it
     "the error of the dead reckoning that is added again when a lap closes": Fault(
         file="controllers/perception/lap_map.py",
@@ -236,24 +223,6 @@ FAULTS = {
         old="unused = max(limiter.lateral - math.copysign(cornering, turn * cornering), 0.0)",
         new="unused = max(limiter.lateral + math.copysign(cornering, turn * cornering), 0.0)",
         tests="test_friction_limiter.py test_mission.py",
-    ),
-    "load moved to the wrong axle where friction is learned": Fault(
-        file="addons/drivers/friction_learning.py",
-        old="moved[wheel] = -along if wheel < 2 else along",
-        new="moved[wheel] = along if wheel < 2 else -along",
-        tests="test_friction_learning.py",
-    ),
-    "a learned friction above its bound": Fault(
-        file="addons/drivers/friction_learning.py",
-        old="wanted = min(wanted, max((1.0 + settings.step) * learned.held, settings.start))",
-        new="wanted = max(wanted, max((1.0 + settings.step) * learned.held, settings.start))",
-        tests="test_friction_learning.py",
-    ),
-    "a steering gain that is learned upside down": Fault(
-        file="addons/drivers/friction_learning.py",
-        old="gain = regressors[1] - 1.0",
-        new="gain = 1.0 / regressors[1] - 1.0",
-        tests="test_friction_learning.py",
     ),
     "braking in a corner by a share that knows no friction": Fault(
         file="controllers/safety/friction_limiter.py",

@@ -6,7 +6,7 @@
   friction limiter.
 
 Of fg_mujoco they import messages, errors and compiled kernels, which a planner on a real car has, too. Planners that
-learn, follow lines or overtake are in `addons/drivers`, which registers their stages.
+follow lines or overtake are in `addons/drivers`.
 
 A planner needs no entry here to be raced: `--controller path/to/file.py:ClassName` does too, and an installed package
 may register its own (entry point group `fg_mujoco.controllers`).

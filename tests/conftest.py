@@ -47,7 +47,7 @@ SLOWEST = (
     "test_mission.py", "test_docs.py", "test_f110_scripts.py", "test_labs.py", "test_controller_contract.py",
     "test_friction_lab.py", "test_hostile_planners.py", "test_comparison.py",
     "test_every_course.py", "test_ros2.py", "test_vehicle_contract.py", "test_tire_forces.py",
-    "test_friction_learning.py", "test_autodrive_bridge.py", "test_refusals.py", "test_lab_skidpad.py",
+    "test_autodrive_bridge.py", "test_refusals.py", "test_lab_skidpad.py",
     "test_training_example.py", "test_leaks.py", "test_readme.py", "test_duels.py", "test_friction_cli.py",
     "test_report_pages.py", "test_rendering_files.py", "test_plan_in_time.py", "test_bag_map.py",
     "test_replay_proof.py", "test_line_mpc.py", "test_bench.py", "test_doors.py", "test_ros_nodes.py",

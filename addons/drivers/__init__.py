@@ -1,1 +1,1 @@
-"""Planners and stages beyond the gap planners: they learn, localise themselves, follow lines, or overtake."""
+"""Planners beyond the gap planners: they localise themselves, follow lines, or overtake."""

@@ -77,23 +77,17 @@ class PolicyBatch:
         running = cars.running & self._driven
         asked = running & (self._ticks % self._repeat == 0)
         self._ticks += running
-        between = running & ~asked
-        learns = self._observer.needs_every_tick and between.any()
-        if asked.any() or learns:
+        if asked.any():
             odometry = cars.odometry.copy()
             values = odometry.view(np.float64)
             values[~np.isfinite(values)] = 0.0
             state: Any = OwnState(time=np.zeros(len(asked)), command=self._commands)
-            parts = cars.ranges, odometry, state, (), self._actions.previous
-        if learns:
-            self._observer.read(between, *parts, step=False)
-        if asked.any():
             self._actions.sense(odometry, asked)
-            seen: Any = self._observer.read(asked, *parts)
+            seen: Any = self._observer.read(asked, cars.ranges, odometry, state, (), self._actions.previous)
             actions = self._answers(seen, asked)
             self._actions.read(actions, asked, self._commands, np.zeros(len(asked), np.int64))
         if self._repeat > 1:
-            self._actions.again(between, self._commands)
+            self._actions.again(running & ~asked, self._commands)
         commands = self._commands[running]
         commands[:, 1] = np.clip(commands[:, 1], -self._fastest[running], self._fastest[running])
         cars.commands[running] = commands

@@ -1,6 +1,6 @@
 """Residual policies: a policy corrects the commands of a planner, the base planner.
 
-    env = F1TenthEnv(residual={"planner": "gap_finder[assist=full+learn]", "steering": 0.1, "speed": 1.0})
+    env = F1TenthEnv(residual={"planner": "gap_finder[assist=safe]", "steering": 0.1, "speed": 1.0})
 
 In each tick the base planner decides by the scan and the odometry, and the command is what it commands plus the
 policy's action, within the limits of the car and `speed_range`. A policy that answers zero drives as the planner does,
@@ -34,7 +34,7 @@ from fg_mujoco.simulation.settings import as_part
 
 Mask = NDArray[np.bool_]
 
-_EXAMPLE = "such as 'gap_finder[assist=full+learn]'"
+_EXAMPLE = "such as 'gap_finder[assist=safe]'"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class Residual:
       SettingsError: a value that is not accepted, or a planner that cannot be one.
     """
 
-    planner: str  # a name with its settings, such as "gap_finder[assist=full+learn]"
+    planner: str  # a name with its settings, such as "gap_finder[assist=safe]"
     steering: float = 0.1  # [rad] greatest correction of the steering angle
     speed: float = 1.0  # [m/s] greatest correction of the speed
     slow: float = 0.0  # [m/s] that the planner commands, below which corrections are smaller in proportion; 0: nowhere

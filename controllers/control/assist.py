@@ -5,7 +5,7 @@
     assist="safe"            speed laws, sight, safety filter, prediction, recovery and friction limiter
     assist="full"            the same with guidance and remember: the default
     assist="sight,limiter"   stages of one's own choice, in any order
-    assist="full+learn"      names of stages and of assists may be joined, by a comma or by +
+    assist="grip+sight"      names of stages and of assists may be joined, by a comma or by +
     assist="full-prediction" and stages may be left out
 
 The stages are called in their own order, not in that of the text. A planner's class says in `source_laws` which
@@ -18,7 +18,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from fg_mujoco.errors import SettingsError, accepted_names
-from fg_mujoco.registry import Registry, added
+from fg_mujoco.registry import Registry
 
 SAFE = (
     "mean_range", "distance_ahead", "sight", "safety_filter", "prediction", "recovery", "limiter",
@@ -51,7 +51,6 @@ STAGES: Registry[object] = Registry(
         "recovery": f"{_DECISION}RECOVERY_STAGE",
         "remember": "fg_mujoco.controllers.safety.lap_raceline:REMEMBER",
     }
-    | added("STAGES"),
 )
 """Stages by name, each a `stages.Stage`, in the order of their calls; other packages may register theirs.
 

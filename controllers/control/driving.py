@@ -58,7 +58,7 @@ class DrivingSettings(Settings):
         below 0; a full-speed distance that is not above the safe one.
     """
 
-    assist: str = setting("", text="its stages, in place of those of the race, such as none or full+learn")
+    assist: str = setting("", text="its stages, in place of those of the race, such as none or grip+sight")
     safe_distance: float = setting_of_car(
         0.2, "m", "distance_ahead: nearer ahead of the LiDAR than this, the car stops", FROM_ZERO
     )

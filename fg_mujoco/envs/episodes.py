@@ -350,7 +350,7 @@ class Episodes:
                 self._planners.decide(which, worlds.ranges, odometry)
             compiled_step.read(self._table, scan, numbers)
         seen: Any = self.observer.seen(
-            which, scan, numbers, odometry, worlds.sensed_state, worlds.readings, step=step
+            which, scan, numbers, worlds.sensed_state, worlds.readings, step=step
         )
         if self.camera is not None and step:
             seen = (seen if isinstance(seen, dict) else {FLAT: seen}) | {CAMERA: self.camera.draw(which)}

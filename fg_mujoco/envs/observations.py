@@ -12,10 +12,6 @@
 | wheel_speeds | (4,) | speed of each wheel's surface, forward positive [m/s]; not among the default ones |
 | previous_action | (2,) | last action of the policy, within its bounds; 0 (or the bound next to it) at the beginning |
 | planner_command | (2,) | steering angle [rad] and speed [m/s] of the planner that the policy corrects |
-| friction | (4,) | coefficient of friction that the car has learned from its wheels so far; see below |
-
-`friction` is the coefficient that a careful driver would use, the mean and the standard deviation of the estimate, both
-0 before there is one, and the greatest force over load that a tire has held. See `learned_friction`.
 
 These are known on board; none of them knows the course or the pose. Further terms are functions of a `SensedState`,
 made with `@observation`. All are float32 within bounds; a value beyond them reads the bound.
@@ -54,7 +50,7 @@ DEFAULT_OBSERVATIONS = ("scan", "speed", "yaw_rate", "steering_angle", "accelera
 
 _MADE = "or an ObservationTerm, as @observation makes it"
 
-SENSED = (*DEFAULT_OBSERVATIONS, "wheel_speeds", "previous_action", "planner_command", "friction")
+SENSED = (*DEFAULT_OBSERVATIONS, "wheel_speeds", "previous_action", "planner_command")
 """The parts that are read off the scan, the odometry and the policy's own actions; see the table above."""
 
 ON_BOARD = (*SENSED, "command")
@@ -73,7 +69,6 @@ SCALES: Mapping[str, float | tuple[float, ...]] = {
     "curvature": 1.0,  # [1/m]
     "lead": 10.0,  # [m]
     "mu": 1.0,
-    "friction": 1.0,
 }
 """What a part is divided by where it is normalised. Other parts: the greatest magnitude of their bounds. An action that
 is not normalised is divided likewise. A distance d of the scan becomes d / (1 m + d), which tells near ones apart best.

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from ..compiled.kernels import kernel
 from ..errors import SettingsError
 from ..messages import ODOMETRY, CarParameters, FloatArray, Reading
-from ..registry import PARTS
 from .actions import CarLimits
 from .observation_description import Observation, Part, even_beams
 from .observations import ACCELEROMETER_RANGE, SCALES, Bounds, ObservationTerm, Observed
@@ -35,7 +34,6 @@ FLAT, PRIVILEGED, CAMERA = "observation", "privileged", "camera"
 
 _RECEIVED = "{}_received"  # a part: whether a sensor has delivered a reading
 
-_MOST_FRICTION = 10.0  # as that of `mu`
 _OVERSHOOT = 1.25  # of spinning wheels over the greatest speed that can be commanded
 
 
@@ -75,7 +73,6 @@ class Observer:
       sensors: that the car has besides; what each delivered last is a part of its name, and whether it has is another.
       privileged: terms that are read into a second vector.
       actions: bounds of an action (2,), least and greatest.
-      parameters: of the car, by which it learns the `friction`; needed where that is observed.
       speed_range: of the commands [m/s]; None: the car's.
 
     Attributes:
@@ -83,7 +80,7 @@ class Observer:
       bounds: name -> Bounds, of one car's observation in its order; where it is one vector, Bounds.
       privileged_parts: name of each privileged term -> where its numbers are in the second vector.
       present: of a flat observation, where the numbers are that are not the past of a part with a history of its own.
-      needs_every_tick: whether delays, noise or learning go on from tick to tick, and not from step to step.
+      needs_every_tick: whether delays or noise go on from tick to tick, and not from step to step.
       bearings: of the beams that are seen (beams,) [rad].
       range_max: greatest distance that is seen [m].
 
@@ -104,7 +101,6 @@ class Observer:
         sensors: Sequence[SensorSize] = (),
         privileged: Sequence[ObservationTerm] = (),
         actions: tuple[Values, Values],
-        parameters: CarParameters | None = None,
         speed_range: tuple[float, float] | None = None,
     ) -> None:
         self.observation, self.count = observation, count
@@ -114,8 +110,7 @@ class Observer:
         angles = (-car.max_steering_angle, car.max_steering_angle)
         commands = np.array(list(zip(angles, speed_range or (car.min_speed, car.max_speed), strict=True)), np.float32)
         of_commands = {"previous_action": actions, "planner_command": (commands[0], commands[1])}
-        self._parts: dict[str, slice | ObservationTerm | SensorSize | None] = {}  # None: see `_read`
-        self._friction: Any = None  # of the add-on drivers
+        self._parts: dict[str, slice | ObservationTerm | SensorSize | None] = {}  # None: the scan
         raw: dict[str, Bounds] = {}
         columns: list[int] = []
         for part in observation.parts:
@@ -125,10 +120,6 @@ class Observer:
             elif name == "scan":
                 self.range_max = min(self.range_max, part.greatest or math.inf)
                 raw[name], self._parts[name] = _bounds(0.0, self.range_max, len(self._beams)), None
-            elif name == "friction":
-                assert parameters is not None
-                self._friction = PARTS.find("learned friction")(parameters, count, period)
-                raw[name], self._parts[name] = _bounds(0.0, _MOST_FRICTION, self._friction.SIZE), None
             else:
                 columns += _COLUMNS[name]
                 self._parts[name] = slice(first, len(columns))
@@ -163,14 +154,10 @@ class Observer:
             if observation.flat:
                 self.present = self._frames.present()
         self.bounds: dict[str, Bounds] | Bounds = self._bounds_of(raw)
-        self.needs_every_tick = any(
-            part.delay > 0.0 or part.noise > 0.0 or part.name == "friction" for part in observation.parts
-        )
+        self.needs_every_tick = any(part.delay > 0.0 or part.noise > 0.0 for part in observation.parts)
 
     def begin(self, which: Mask, seeds: Sequence[int]) -> None:
         """Forget everything that the cars `which` (n,) have seen; one seed of the noise for each of them."""
-        if self._friction is not None:
-            self._friction.begin(which)
         if self._frames is not None:
             self._frames.begin(which, seeds)
 
@@ -204,7 +191,7 @@ class Observer:
             _NO_ACTIONS if planned is None else planned, self._beams, self.range_max, self._columns, self._low,
             self._high, scan, numbers,
         )  # fmt: skip
-        return self.seen(which, scan, numbers, odometry, state, readings, step=step)
+        return self.seen(which, scan, numbers, state, readings, step=step)
 
     def room(self) -> tuple[Values, Values]:
         """Return new arrays of n cars, to be filled by `read_sensors`: of the scans, and of the other numbers."""
@@ -220,14 +207,13 @@ class Observer:
         which: Mask,
         scan: Values,
         numbers: Values,
-        odometry: NDArray[np.void],
         state: SensedState | None = None,
         readings: Sequence[Mapping[str, Reading]] = (),
         *,
         step: bool = True,
     ) -> Seen:
         """Return the observations of n cars of what `read_sensors` has written into `room()`; else as `read`."""
-        seen: Seen = self._parts_of(which, scan, numbers, odometry, state, readings)
+        seen: Seen = self._parts_of(scan, numbers, state, readings)
         if self._frames is not None:
             assert isinstance(seen, dict)
             seen = self._frames.read(which, seen, step)
@@ -242,10 +228,8 @@ class Observer:
 
     def _parts_of(
         self,
-        which: Mask,
         scan: Values,
         numbers: Values,
-        odometry: NDArray[np.void],
         state: SensedState | None,
         readings: Sequence[Mapping[str, Reading]],
     ) -> Observed:
@@ -254,11 +238,8 @@ class Observer:
         for name, part in self._parts.items():
             if isinstance(part, slice):
                 found[name] = numbers[:, part]
-            elif part is None and name == "scan":
-                found[name] = scan
             elif part is None:
-                assert self._friction is not None
-                found[name] = self._friction.read(which, odometry)
+                found[name] = scan
             elif isinstance(part, ObservationTerm):
                 assert state is not None
                 found[name] = part.read(state, self._own[name])

@@ -115,7 +115,7 @@ class PolicyInterface:
     car: CarLimits
     residual: Any = None  # a Residual of the add-on learn, whose planner the actions correct
     options: Mapping[str, Any] = field(default_factory=dict)  # of PLANNER_OPTIONS, that this planner is told of
-    parameters: CarParameters | None = None  # of the car, where it observes `friction` or has a residual; else None
+    parameters: CarParameters | None = None  # of the car, where it has a residual; else None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "observation", Observation.of(self.observation))
@@ -124,9 +124,9 @@ class PolicyInterface:
         if self.parameters is not None:
             object.__setattr__(self, "parameters", _read_parameters(self.parameters))
         check_actions(self)
-        if (self.parameters is not None) != _knows_parameters(self.observation, self.residual):
-            said = f"the observation {str(self.observation)!r} with parameters {self.parameters}"
-            accepted = "the car's parameters where friction is observed or a planner is corrected, and only there"
+        if (self.parameters is None) != (self.residual is None):
+            said = f"a residual {self.residual!r} with parameters {self.parameters}"
+            accepted = "the car's parameters where a planner is corrected, and only there"
             raise SettingsError(f"{said}; accepted: {accepted}")
         object.__setattr__(self, "beams", as_part(self.beams, LidarBeams, "beams"))
         object.__setattr__(self, "speed_range", checked_speeds(self.car, self.speed_range))
@@ -164,7 +164,7 @@ class PolicyInterface:
             car=CarLimits(**{each.name: getattr(car, each.name) for each in fields(CarLimits)}),
             residual=settings.residual and settings.residual.with_latency(drive.context(car, None).latency),
             options={name: getattr(settings, name) for name in PLANNER_OPTIONS if settings.residual},
-            parameters=car if _knows_parameters(settings.observation, settings.residual) else None,
+            parameters=None if settings.residual is None else car,
         )  # fmt: skip
 
     @classmethod
@@ -240,7 +240,7 @@ class PolicyInterface:
         return Observer(
             self.observation, car or self.car, beams or self.beams, self.period, count=count, beam_step=self.beam_step,
             sensors=self.sensors if sensors is None else sensors, privileged=privileged,
-            actions=(self.bounds.low, self.bounds.high), parameters=self.parameters, speed_range=self.speed_range,
+            actions=(self.bounds.low, self.bounds.high), speed_range=self.speed_range,
         )  # fmt: skip
 
     def actions(self, count: int = 1) -> ActionReader:
@@ -320,14 +320,12 @@ class PolicyDriver:
             action = one_action(policy(seen), "the policy answered", self.interface.bounds)
             self._reader.read(action[np.newaxis], self._one, self._commands, self._clipped)
         else:
-            if self._observer.needs_every_tick:
-                self.observe(scan, odometry, step=False)
             self._reader.again(self._one, self._commands)
         steering, speed = self._commands[0].tolist()
         return DriveCommand(steering_angle=steering, speed=speed)
 
-    def observe(self, scan: LaserScan, odometry: Odometry, *, step: bool = True) -> Any:
-        """Return the observation of a step, or of a tick between two, as the environment has it.
+    def observe(self, scan: LaserScan, odometry: Odometry) -> Any:
+        """Return the observation of a step, as the environment has it.
 
         Raises:
           MessageError: a scan of another LiDAR, or a sensor that is missing.
@@ -339,7 +337,7 @@ class PolicyDriver:
         state: Any = OwnState(time=np.zeros(1), command=self._commands)
         seen = self._observer.read(
             self._one, scan.ranges[np.newaxis], self._row, state, [odometry.readings], self._reader.previous,
-            self._reader.planned, step=step,
+            self._reader.planned,
         )  # fmt: skip
         return row_of(seen, 0)
 
@@ -387,11 +385,6 @@ def check_actions(settings: Any) -> None:
     if not isinstance(settings.normalised_actions, bool):
         value = settings.normalised_actions
         raise SettingsError(f"normalised_actions is {value!r}; {accepted_names(value, ('True', 'False'))}")
-
-
-def _knows_parameters(observation: Observation, residual: Any) -> bool:
-    """Return whether a policy needs the parameters of its car."""
-    return residual is not None or any(part.name == "friction" for part in observation.parts)
 
 
 def _read_parameters(given: Any) -> CarParameters:

@@ -251,7 +251,7 @@ def test_a_suite_is_refused_in_a_line(text, said, here, capsys):
 ZEROS = ((0, 0), (0, 0))
 ERRORS = {"ranges": (1.0, 3.0), "bearings": (-1.0, 1.0), "noise": ZEROS, "bias": ZEROS, "dropout": ZEROS}
 APPROACH = {"length": 0.5, "width": 0.3, "along": [0.0], "across": [0.0], "heading": [0.0], "grip": 10.0}
-BASE = "gap_finder[assist=full+learn]"
+BASE = "gap_finder[assist=safe]"
 
 
 def compare(controller=("gap_finder",), **options):

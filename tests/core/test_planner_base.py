@@ -211,7 +211,7 @@ def test_a_registered_stage_changes_the_command_and_keeps_its_memory_until_a_res
         (GapFinder, "grip", {*GapFinder.source_laws, "limiter"}),
         (GapFinder, "none", {*GapFinder.source_laws}),
         (GapFinder, "sight , limiter", {"sight", "limiter"}),
-        (GapFinder, "full+learn-prediction", {*SAFE, "guidance", "remember", "learn"} - {"prediction"}),
+        (GapFinder, "safe+guidance-prediction", {*SAFE, "guidance"} - {"prediction"}),
         (WallFollow, "full", {*SAFE, "guidance"} - {"safety_filter", "prediction", "recovery"}),
     ],
 )

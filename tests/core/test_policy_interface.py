@@ -67,9 +67,8 @@ class Driven:
                 "effects": {"latency": 0.05}, "sensors": ["imu"],
             },
         ),
-        ((0.0, 1.5), {"observation": "beams:20,friction:history=2,speed,flat", "action_repeat": 2, "mu": 0.7}),
     ],
-    ids=["default", "issue", "rates", "friction"],
+    ids=["default", "issue", "rates"],
 )  # fmt: skip
 def test_a_policy_drives_a_race_with_the_bits_of_the_environment(action, settings):
     env = F1TenthEnv(track="hairpins", start="line", **settings)

@@ -29,9 +29,9 @@ def config(tmp_path):
 
 
 def test_opponents_are_a_list_with_commas_or_given_again():
-    given = "wall_follow,gap_finder[lookahead=6,assist=full+learn]", "pure_pursuit"
+    given = "wall_follow,gap_finder[lookahead=6,assist=grip+sight]", "pure_pursuit"
     entries = setup_of(options("--opponents", given[0], "--opponents", given[1])).entries
-    names = ["gap_finder", "wall_follow", "gap_finder[lookahead=6,assist=full+learn]", "pure_pursuit"]
+    names = ["gap_finder", "wall_follow", "gap_finder[lookahead=6,assist=grip+sight]", "pure_pursuit"]
     assert [entry.controller for entry in entries] == names
 
 

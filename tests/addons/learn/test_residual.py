@@ -24,8 +24,8 @@ pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 from fg_mujoco.envs.gym_environment import F1TenthEnv
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 
-BASE = "gap_finder[assist=full+learn]"
-SETTINGS = {"residual": {"planner": BASE, "steering": 0.1, "speed": 1.0}, "normalised_actions": True,
+BASE = "gap_finder[assist=safe]"
+SETTINGS = {"residual": {"planner": BASE, "steering": 0.1, "speed": 1.0, "mu": 0.7}, "normalised_actions": True,
     "speed_range": (-5, 8), "observation": "beams:20,planner_command:history=2,speed,previous_action,normalised,flat"}
 CAR = fg.World("oval").parameters
 

@@ -1,20 +1,17 @@
 """Self-play: who is drawn from the pool of opponents, how snapshots drive, and which are kept."""
 
 from collections import Counter
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.learn.policy_batch import PolicyBatch
 from fg_mujoco.addons.learn.policy_files import save_policy
-from fg_mujoco.addons.learn.policy_planner import PolicyPlanner, find_policy
+from fg_mujoco.addons.learn.policy_planner import PolicyPlanner
 from fg_mujoco.addons.learn.self_play import SelfPlay, Snapshots
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
-from fg_mujoco.simulation.planner_adapter import MessagePlanners
 from small_policies import FLAT, network_for
 
 
@@ -84,28 +81,6 @@ def test_snapshots_asked_together_drive_as_planners_do(other, tmp_path, monkeypa
     assert len({name for names in together[1] for name in names if name}) == 3  # all of the pool were drawn
     monkeypatch.setattr(PolicyPlanner, "batch_key", None)
     assert drive(settings, pool) == together
-
-
-def test_policies_asked_together_learn_the_friction_between_their_steps_as_planners_do(tmp_path):
-    """Of the odometry of each tick of a drive that reaches 3.5 m/s, where an action is held for two of them."""
-    vector = pytest.importorskip("fg_mujoco.envs.gym_vector")
-    seen = {**FLAT, "observation": "beams:54:max=10,friction,speed,normalised,flat"}
-    file = str(snapshot(tmp_path / "learns.json", seen, 0))
-    envs = vector.F1TenthVectorEnv(1, track="oval", start="line", mu=0.7)
-    engine = envs.episodes.worlds.engine
-    planners = [find_policy(file)(8.0, 0.025) for _ in range(2)]
-    together, alone = PolicyBatch(planners[0].policy, 1), MessagePlanners(planners[1:], raises=True, timed=None)
-    together.begin({0: planners[0]})
-    envs.reset(seed=0)
-    for tick in range(60):
-        envs.step(np.float32([[0.02 * (-1) ** tick, 1.0 + 0.05 * tick]]))
-        cars = [SimpleNamespace(beams=engine.beams, odometry=engine.odometry.copy(), ranges=engine.ranges.copy(),
-                                scans=engine.scans, running=np.ones(1, np.bool_), commands=np.zeros((1, 2)),
-                                readings=engine.readings) for _ in planners]  # fmt: skip
-        together(cars[0])
-        alone(cars[1])
-        assert cars[0].commands.tobytes() == cars[1].commands.tobytes(), tick
-    assert cars[0].odometry["speed"][0] > 3.0
 
 
 SMALL = {"environment": {"observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 0.5,
