@@ -9,7 +9,7 @@ import fg_mujoco.addons
 from cases import each
 from fg_mujoco.registry import ADDONS, added
 
-TABLES = ("COMMANDS", "NAMES", "PLANNERS", "SCENES", "STAGES", "SCHEMES", "PARTS")
+TABLES = ("COMMANDS", "NAMES", "PLANNERS", "SCENES", "SCHEMES", "PARTS")
 
 
 def run(code):
