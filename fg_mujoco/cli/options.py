@@ -7,6 +7,7 @@ value. This module adds how a text is read, and which names there are.
 from __future__ import annotations
 
 import argparse
+import copyreg
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -111,7 +112,16 @@ def _registered(path: Path, name: str) -> str:
         raise SettingsError(f"{said} has a class {name}, the name of a bundled sensor; accepted: another name")
     if there is None:
         SENSORS[name] = found[name]
-    return there or name
+    there = there or name
+    copyreg.pickle(found[name], lambda sensor: (_unset, (path.resolve(), name, there), vars(sensor)))
+    return there
+
+
+def _unset(path: Path, name: str, there: str) -> Any:
+    """Return a sensor of a class in a file, without values, in a process that may not know it: it travels there."""
+    from ..vehicle.sensors import SENSORS
+
+    return object.__new__(SENSORS.find(there if there in SENSORS else _registered(path, name)))
 
 
 GROUPS = ("course and planner", "car", "floor", "sensors", "other cars")

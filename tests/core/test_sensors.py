@@ -1,6 +1,8 @@
 """Sensors with a rate, delay, noise and dropouts of their own: what they deliver, and who sees it."""
 
 import math
+import pickle
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +13,7 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.main import main
+from fg_mujoco.cli.options import _with_files
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.simulation.cars import WorldCar
@@ -355,6 +358,18 @@ def test_a_run_with_a_sensor_of_a_file_is_raced_again_where_the_file_is_named(
     del SENSORS._own["Fails"]
     capsys.readouterr()
     assert "sensors[0] is 'Fails'; accepted" in refused(tmp_path, capsys, "race", "--config", "run")
+
+
+def test_a_sensor_of_a_file_travels_to_a_process_that_has_not_read_the_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(SENSORS, "_own", dict(SENSORS._own))
+    Path("own.py").write_text(OWN)
+    [given] = _with_files([{"sensor": "own.py:Fails", "rate": 50}])
+    sensor = SENSORS.find(given["sensor"])(rate=50)
+    sent = pickle.dumps(sensor)
+    del SENSORS._own["Fails"], sys.modules[type(sensor).__module__]  # as in that process
+    assert vars(pickle.loads(sent)) == vars(sensor)
+    assert "Fails" in SENSORS
 
 
 # -- environments
