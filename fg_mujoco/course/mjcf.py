@@ -48,7 +48,7 @@ _ELEMENTS = _words(
     default asset mesh texture material layer hfield worldbody body frame replicate inertial joint freejoint geom site
     camera light contact pair exclude equality connect weld tendon spatial fixed pulley custom numeric text tuple
     element keyframe key
-    actuator general motor position velocity intvelocity orientation pid damper cylinder muscle adhesion dcmotor
+    actuator general motor position velocity intvelocity orientation pid damper cylinder adhesion dcmotor
     sensor touch accelerometer velocimeter gyro force torque magnetometer camprojection rangefinder jointpos jointvel
     tendonpos tendonvel actuatorpos actuatorvel actuatorfrc jointactuatorfrc tendonactuatorfrc ballquat ballangvel
     jointlimitpos jointlimitvel jointlimitfrc tendonlimitpos tendonlimitvel tendonlimitfrc framepos framequat
@@ -59,10 +59,10 @@ _ELEMENTS = _words(
 REFUSED_ELEMENTS = _words(
     """
     include attach model extension plugin instance config composite flexcomp flex flexvert flexstrain edge elasticity
-    pin deformable skin bone lengthrange
+    pin deformable skin bone lengthrange muscle
     """
 )
-"""Elements of MJCF that are not accepted: they name files, make parts that they do not list, or simulate."""
+"""Elements of MJCF that are not accepted: they name files, make parts that they do not list, or are simulated first."""
 
 _ATTRIBUTES = _words(
     """
@@ -300,6 +300,8 @@ class _Reader:
             near = nearest(name, _ATTRIBUTES, cutoff=0.8) if name not in REFUSED_ATTRIBUTES else None
             meant = f"; did you mean {near!r}?" if near else ""
             raise ValueError(f"{called} is not accepted; accepted: attributes of MJCF that say what is there{meant}")
+        if name in ("gaintype", "biastype") and value == "muscle":  # MuJoCo simulates its lengths, here without an end
+            raise ValueError(f"{called} is not accepted; accepted: fixed, affine, none")
         if tag == "mesh" and name == "builtin":
             raise ValueError(f"{called}: <mesh> makes parts that it does not list; accepted: all parts by themselves")
         if name == "memory" and not _MEMORY.fullmatch(value):

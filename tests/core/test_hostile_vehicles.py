@@ -109,6 +109,11 @@ VEHICLES = {
         swapped(("<compiler ", "<compiler><lengthrange inttotal='1e9'/></compiler><compiler ")),
         "<lengthrange>",
     ),
+    "a muscle": (swapped(("<position ", "<muscle ")), "<muscle> is not accepted"),
+    "the gain of a muscle": (
+        added('<actuator><general joint="steering" gaintype="muscle"/></actuator>'),
+        "gaintype='muscle'",
+    ),
     "a file of nothing else": (lambda xml: xml + " " * 2**24, "has more than 16777216 bytes"),
     "steering without damping": (
         swapped(('damping="0.954"', 'damping="0"'), ('damping="0.023"', 'damping="0"')),
