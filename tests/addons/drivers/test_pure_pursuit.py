@@ -204,4 +204,4 @@ def test_the_look_up_steers_the_single_track_car_along_a_steady_curve(speed, cur
 def test_map_laps_on_tires_that_need_slip_angles():
     planner = "pure_pursuit[line=raceline,margin=0.2,tracker=map]"
     car = fg.race("hairpins", planner, laps=1, tires="f1tenth_gym").car
-    assert car.end_reason == "finished" and car.max_slide_m_s < 0.01
+    assert car.end_reason == "finished" and math.isnan(car.max_slide_m_s)  # these tires have no peak to slide past
