@@ -23,7 +23,7 @@ from ..messages import FloatArray
 _KNOWN = {
     "jnt": "actuatorid axis bodyid dofadr group limited margin pos qposadr range solimp solref user",
     "dof": "M0 Madr armature bodyid damping invweight0 jntid length parentid simplenum solimp solref treeid",
-    "actuator": "acc0 actadr armature biasprm ctrladr ctrllimited ctrlrange ctrlspec delay dynprm forcelimited "
+    "actuator": "acc0 actadr biasprm ctrladr ctrllimited ctrlrange ctrlspec delay dynprm forcelimited "
     "forcerange gainprm group history historyadr length0 lengthrange outadr trnid user",
 }
 _PLAIN = """

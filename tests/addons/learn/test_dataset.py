@@ -125,7 +125,7 @@ def test_the_beam_straight_ahead_is_among_the_recorded(step, beams):
 
 def test_a_folder_without_scans_is_refused(tmp_path):
     result = fg.rollout("oval", n=1, time_limit=0.1, out=tmp_path / "out")
-    with pytest.raises(RunFolderError, match="has no scans, but 'summary'; accepted: a folder of `rollout --record scans`"):
+    with pytest.raises(RunFolderError, match="has no scans, but 'summary'; accepted: a folder of `rollout"):
         fg.read_dataset(tmp_path / "out")
     with pytest.raises(SettingsError, match="accepted: a rollout with record='scans'"):
         result.dataset()

@@ -30,6 +30,7 @@ def quadratic(first, second, torque):
 SAID = {
     "nothing": ([], PLAIN_RATE),
     "damping of the servo": ([LOOSE, (SERVO, SERVO + ' damping="0.854"')], PLAIN_RATE),
+    "an inertia of the servo": ([(SERVO, SERVO + ' armature="0.02"')], PLAIN_RATE),
     "kv": ([LOOSE, (SERVO, SERVO + ' kv="0.854"')], None),
     "dampratio": ([LOOSE, (SERVO, SERVO + ' dampratio="1"')], None),
     "no forcerange": ([(' forcerange="-3.2 3.2"', "")], None),
