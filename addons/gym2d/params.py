@@ -152,7 +152,7 @@ def number(name: str, value: Any, least: float = -math.inf, most: float = math.i
       SettingsError: it is no finite number from `least` to `most`.
     """
     try:
-        found = float(value)
+        found = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         found = math.nan
     if not (math.isfinite(found) and least <= found <= most):

@@ -314,9 +314,6 @@ CALLS = [
     (gym_config.DomainRandomizationConfig, {"enabled": True}, "enabled is True; accepted: False"),
     (gym_config.EnvConfig, {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
     (gym_config.SimulationConfig, {"max_lap": 3}, "did you mean 'max_laps'"),
-    (gym_config.ControlConfig, {"steer_noise_std": 0.1}, "steer_noise_std is 0.1; accepted: 0.0"),
-    (gym_config.ControlConfig, {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
-    (gym_config.LiDARConfig, {"dropout_prob": 0.1}, "dropout_prob is 0.1; accepted: 0.0"),
     (gym_config.LiDARConfig, {"angle_min": -1.0}, "from -1 to 2.35619 rad; accepted: as far to both sides"),
     (gym_config.LiDARConfig, {"angle_min": -1.0, "field_of_view": 2.0}, "accepted: one of them"),
     # learn
