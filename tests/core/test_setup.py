@@ -130,7 +130,7 @@ PLACE = {"planner_settings", "start", "seed", "grid"}
 STUDY = DRIVER - {"controller"} | CAR | {"obstacles", "moving", "patches", "laps", "time_limit"}
 STUDY |= {"lidar", "decision_limit"}
 USED = {
-    "overtake": DUEL | {"laps"}, "drive": CAR | {"sensors", "start", "lidar", "name"},
+    "overtake": DUEL | {"laps"}, "drive": CAR | {"sensors", "start", "lidar", "name", "patches"},
     "a comparison": STUDY | {"controller", "track", "start", "grid", "rules"},
     "a league": STUDY | {"obstacle_seed", "grid", "rules", "track", "controller", "seed"},  # three are its arguments
     "a rollout": CAR | COURSE | DRIVER | PLACE | {"laps", "time_limit", "decision_limit"},
