@@ -1,4 +1,4 @@
-"""What the benchmarks share: the machine's description, one core to run on, interleaved repeats, tables."""
+"""What the benchmarks share: the machine's description, one core to run on, tables."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import argparse
 import json
 import os
 import platform
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 
 def stay_on_cores(count: int = 1) -> None:
@@ -31,17 +28,6 @@ def machine() -> dict[str, Any]:
         "python": platform.python_version(),
         **{name: version(name) for name in ("fg-mujoco", "mujoco", "numpy", "numba")},
     }
-
-
-def interleaved(ways: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Run all ways one after the other, so often, and return each one's median time [us]."""
-    times: dict[str, list[float]] = {name: [] for name in ways}
-    for _ in range(repeats):
-        for name, run in ways.items():
-            start = time.perf_counter()
-            run()
-            times[name].append(1e6 * (time.perf_counter() - start))
-    return {name: float(np.median(taken)) for name, taken in times.items()}
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

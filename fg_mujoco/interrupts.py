@@ -19,12 +19,16 @@ from typing import Any
 _AGAIN = 0.01  # [s] after which a callback is over
 
 
+def is_command() -> bool:
+    """Return whether this process is the command `fg-mujoco`."""
+    program = os.path.basename(sys.argv[0] if sys.argv else "").removesuffix(".exe")
+    return program == "fg-mujoco" or sys.orig_argv[1:3] == ["-m", "fg_mujoco"]
+
+
 def _end_at_once() -> None:
     """Let Ctrl-C end this process without a traceback, if it is the command and has not begun its work."""
-    program = os.path.basename(sys.argv[0] if sys.argv else "").removesuffix(".exe")
-    is_command = program == "fg-mujoco" or sys.orig_argv[1:3] == ["-m", "fg_mujoco"]
     is_usual = _in_main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if is_command and is_usual and multiprocessing.parent_process() is None:
+    if is_command() and is_usual and multiprocessing.parent_process() is None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 

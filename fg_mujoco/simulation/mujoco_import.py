@@ -17,11 +17,11 @@ import os
 import shlex
 import sys
 import threading
-from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
 from ..errors import MissingExtraError
+from ..interrupts import is_command
 
 _LEAST, _BEYOND = (3, 17), (5,)  # versions of MuJoCo, as in pyproject.toml
 
@@ -66,7 +66,7 @@ def _refuse(error: Exception) -> NoReturn:
     commands = ("uninstall -y mujoco mujoco-core mujoco-studio", f"install '{accepted},<{_BEYOND[0]}'")
     why = " ".join(f"{type(error).__name__}: {error}".split())
     said = f"MuJoCo cannot be used: {why}; install it again: " + " && ".join(f"{python} -m pip {c}" for c in commands)
-    if Path(*sys.argv[:1]).stem == "fg-mujoco" or sys.orig_argv[1:3] == ["-m", "fg_mujoco"]:
+    if is_command():
         print("fg-mujoco:", said, file=sys.stderr)
         sys.exit(2)
     raise MissingExtraError(said) from error
