@@ -380,7 +380,7 @@ class CarParameters:
     """Parameters of a car for planners. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
     Those from `front_cornering_stiffness` to `relaxation_length` are of its tires, as `fg-mujoco identify` finds them
-    on a real car. Their defaults are those of tires that need hardly any slip angle: the default set `coulomb`, and
+    on a real car. Their defaults are those of tires that need hardly any slip angle: the set `coulomb`, and
     MuJoCo's contacts.
 
     Raises:

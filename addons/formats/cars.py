@@ -5,7 +5,7 @@
     write_car(car, Path("my_car"))                # my_car.xml, my_car.toml and my_car.html
 
 What is not given is the vehicle f1tenth's. Tires that are told as a Magic Formula are one; cornering stiffnesses with a
-friction are the brush model, which has both and lets go. Without them the tires are Coulomb friction of the mu.
+friction are the brush model, which has both and lets go. Without them the tires are the default set at the mu.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from fg_mujoco.errors import FgMujocoError, Note, SettingsError
 from fg_mujoco.pictures.pages.page import note, scroll, write_page
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.vehicle.changes import set_mu
-from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.vehicle.tires import DEFAULT_TIRES, Tires
 from fg_mujoco.vehicle.tires.law import GREATEST_SLIP
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle, vehicle_names
 
@@ -61,7 +61,7 @@ class FileCar:
 
     vehicle: Vehicle
     files: CarFiles
-    tires: str  # the TOML of its tires; nothing: Coulomb friction
+    tires: str  # the TOML of its tires; nothing: the default set
     words: tuple[str, ...]  # what was told and what was taken instead, a line each
 
 
@@ -165,7 +165,7 @@ def _lengths(values: dict[str, Told], own: dict[str, float]) -> Iterator[str]:
 
 
 def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, list[str]]:
-    """Return the table of the tires, the friction of the vehicle, and words; no table: Coulomb friction."""
+    """Return the table of the tires, the friction of the vehicle, and words; no table: the default set."""
     told = {name: each.value for name, each in files.values.items()}
     mu = told.get("mu")
     source = ", ".join(dict.fromkeys(files.values[name].file for name in ("Bf", "C_Sf", "mu") if name in told))
@@ -222,11 +222,11 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
             return {"model": "brush", "floor": f"not given by {source}", **axles}, None, words
         else:
             words.append("C_Sf and C_Sr are not used: mu is not given")
-    own = Vehicle.load(DEFAULT_VEHICLE).nominal_mu
+    own = Vehicle.load(DEFAULT_VEHICLE).greatest_mu()
     words.append(
-        f"Coulomb friction of mu {own:.5g}: not given, {DEFAULT_VEHICLE}'s"
+        f"{DEFAULT_TIRES}'s tires at mu {own:.5g}: not given, {DEFAULT_VEHICLE}'s"
         if mu is None
-        else f"Coulomb friction of mu {mu:g}: {files.values['mu'].name} of {files.values['mu'].file}"
+        else f"{DEFAULT_TIRES}'s tires at mu {mu:g}: {files.values['mu'].name} of {files.values['mu'].file}"
     )
     return {}, mu, words
 

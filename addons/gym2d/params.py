@@ -127,7 +127,7 @@ def own_params(vehicle: Vehicle) -> dict[str, float]:
 
 def all_params(params: Mapping[str, Any] | None, vehicle: Vehicle) -> dict[str, Any]:
     """Return parameters with those that are missing as the vehicle has them, or, within 1 %, as the gym has them."""
-    own = own_params(vehicle) | {"mu": vehicle.nominal_mu}
+    own = own_params(vehicle) | {"mu": vehicle.greatest_mu()}
     near = {name: F1TENTH[name] for name in own if math.isclose(own[name], F1TENTH[name], rel_tol=_SAME)}
     return F1TENTH | own | near | dict(params or {})
 

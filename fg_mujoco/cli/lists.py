@@ -154,7 +154,7 @@ def described(vehicle: Vehicle) -> dict[str, Any]:
         "wheelbase_m": car.wheelbase,
         "length_m": car.length,
         "width_m": car.width,
-        "mu": vehicle.nominal_mu,
+        "mu": vehicle.greatest_mu(),
         "max_steering_angle_rad": car.max_steering_angle,
         "max_speed_m_s": car.max_speed,
         "lidar": {

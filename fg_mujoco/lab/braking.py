@@ -25,7 +25,7 @@ from ..messages import DriveCommand, FloatArray, Odometry
 from ..pictures.pages.figure_kit import column, span
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
-from ..vehicle.tires import DEFAULT_TIRES, Tires
+from ..vehicle.tires import IDEAL_TIRES, Tires
 from .braking_figures import draw_gg, draw_splits, draw_stops
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import LabGround
@@ -115,7 +115,7 @@ def _on(tables: Tables, tires: str) -> Tables:
 
 def _figures(tires: str, tables: Tables) -> tuple[Figure, ...]:
     """Return the figures of a set of tires."""
-    ending = "" if tires == DEFAULT_TIRES else f"_{tires}"
+    ending = "" if tires == IDEAL_TIRES else f"_{tires}"
     return (
         Figure(
             name=f"stops{ending}",

@@ -16,7 +16,7 @@ from ..errors import SettingsError
 from ..messages import require_whole, shown
 from ..pictures.pages.figure_kit import render
 from ..vehicle.changes import GREATEST_MU
-from ..vehicle.tires import CONTACT, DEFAULT_TIRES
+from ..vehicle.tires import CONTACT, IDEAL_TIRES
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 ON_CIRCLES = "skidpad"
 """The experiment that takes frictions and steering angles."""
 
-LAW_TIRES = (DEFAULT_TIRES, CONTACT)
+LAW_TIRES = (IDEAL_TIRES, CONTACT)
 """The sets of tires that the law itself is measured on: ours, and MuJoCo's contacts, which were not made for it. Each
 is driven at a timestep at which it is right when it slides."""
 

@@ -22,7 +22,7 @@ from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, measured
 from ..racing.race import race
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
-from ..vehicle.tires import DEFAULT_TIRES
+from ..vehicle.tires import IDEAL_TIRES
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables, no_number
 from .lap_line import best_flying_lap, driven_lap
 from .lap_time_bound import (
@@ -104,7 +104,7 @@ class LapsExperiment:
     def measure(self, cell: Cell) -> Tables:
         """Race, and bound the best lap."""
         track, controller = cell["track"], cell["controller"]
-        result = race(track, controller, laps=cell["laps"])
+        result = race(track, controller, tires=IDEAL_TIRES, laps=cell["laps"])
         own = result.car
         uses = np.fmax.reduce([own.column(f"friction_utilisation_{wheel}") for wheel in WHEELS])
         row: Row = {"track": track, "controller": controller, "laps": own.laps_completed}
@@ -164,7 +164,7 @@ class LapsExperiment:
             expected += [
                 (f"lap over its lower bound, {planner}", f"<= {GREATEST_RATIO}",
                  f"{spread}; {within} of {len(rows)} circuits within"),
-                (f"greatest slide in these laps, {planner}", f"<= {slides_above(DEFAULT_TIRES)} m/s",
+                (f"greatest slide in these laps, {planner}", f"<= {slides_above(IDEAL_TIRES)} m/s",
                  f"{slide:.3f} m/s"),
             ]  # fmt: skip
         if len(planners) > 1:

@@ -17,7 +17,7 @@ from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, log_from
 from ..simulation.world import World
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
-from ..vehicle.tires import DEFAULT_TIRES
+from ..vehicle.tires import IDEAL_TIRES
 from ..vehicle.vehicle import Vehicle
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .lab_laps import LabLaps, drive_laps
@@ -45,8 +45,8 @@ class MismatchExperiment:
     def cells(self, settings: LabSettings) -> list[Cell]:
         """Return a cell for each circuit, friction and ratio, and one for each knee."""
         if settings.quick:
-            return [{"track": "oval", "mu": Vehicle.load().nominal_mu, "ratio": ratio} for ratio in _QUICK_RATIOS]
-        kinds = [(track, mu) for mu in (Vehicle.load().nominal_mu, _WET) for track in _TRACKS]
+            return [{"track": "oval", "mu": Vehicle.load().greatest_mu(), "ratio": ratio} for ratio in _QUICK_RATIOS]
+        kinds = [(track, mu) for mu in (Vehicle.load().greatest_mu(), _WET) for track in _TRACKS]
         grid: list[Cell] = [
             {"track": track, "mu": mu, "ratio": ratio}
             for track, mu in kinds
@@ -82,7 +82,7 @@ class MismatchExperiment:
                     name="knee",
                     caption="Best flying lap over that of a planner with the right friction, greatest sliding speed, "
                     "share of the time in which a tire slides, over the ratio of the planner's friction to the tires'. "
-                    f"Dashed line: limit of sliding, {slides_above(DEFAULT_TIRES)} m/s. A cross is a crash.",
+                    f"Dashed line: limit of sliding, {slides_above(IDEAL_TIRES)} m/s. A cross is a crash.",
                     draw=lambda figure: _draw(figure, laps),
                     height=4.6,
                 ),
@@ -97,7 +97,7 @@ class MismatchExperiment:
 
 def drive_believing(track: str, mu: float, ratio: float) -> LabLaps:
     """Drive laps on tires of `mu` with a planner that assumes `ratio` times as much."""
-    return drive_laps(World(track, mu=mu), laps=_LAPS, planner_mu=mu * ratio)
+    return drive_laps(World(track, mu=mu, tires=IDEAL_TIRES), laps=_LAPS, planner_mu=mu * ratio)
 
 
 def _knee(track: str, mu: float) -> Row:
@@ -184,7 +184,7 @@ def _draw(figure: matplotlib.figure.Figure, laps: list[Row]) -> None:
             slides.plot(ratio[crashed], column(rows, "max_slide_m_s")[crashed], "x", color="black", markersize=6.0)
         times.set_title(f"tires of mu {mu:g}", fontsize=8.0)
         log_from_zero(slides, 1e-3)
-        limit(slides, slides_above(DEFAULT_TIRES))
+        limit(slides, slides_above(IDEAL_TIRES))
         for axes in axes_of_mu:
             axes.axvline(1.0, color="0.25", linewidth=0.6, zorder=1.0)
         shares.set_xlabel("planner's mu over tires' mu [-]")

@@ -27,7 +27,7 @@ from ..vehicle.friction_patches import Patch, PatchedFloor, add_patches
 from ..vehicle.tire_forces import TireForces
 from ..vehicle.tire_rows import LOAD, USERDATA
 from ..vehicle.tire_slip import TireSlip, TireSlipMeter
-from ..vehicle.tires import Tires
+from ..vehicle.tires import IDEAL_TIRES, Tires
 from ..vehicle.vehicle import Vehicle
 from .lab_ground import set_timestep
 
@@ -53,7 +53,7 @@ class Slab:
     """
 
     def __init__(self, way: str, patch: Patch, *, timestep: float | None = None) -> None:
-        tires = Vehicle.load().tires if way == "site" else Tires()
+        tires = Tires.load(IDEAL_TIRES) if way == "site" else Tires()
         spec = Vehicle.load().spec(tires=tires)
         if way == "site":
             add_patches(spec, (patch,))
@@ -110,7 +110,7 @@ def _add_geom(spec: Any, way: str, patch: Patch) -> None:
     patch_geom.contype, patch_geom.priority = _BIT, int(way == "priority")
     for wheel in WHEELS:
         geom = spec.geom(f"{wheel}_tire")
-        geom.conaffinity, geom.friction = _BIT, [Vehicle.load().nominal_mu, *friction[1:]]
+        geom.conaffinity, geom.friction = _BIT, [Vehicle.load().greatest_mu(), *friction[1:]]
     for geom in (patch_geom, *(spec.geom(f"{wheel}_tire") for wheel in WHEELS)):
         geom.condim, geom.solref, geom.solimp = tire.condim, tire.solref, tire.solimp
 
@@ -126,7 +126,7 @@ def sliding_sideways(way: str, mu: float, *, speed: float = 3.0, timestep: float
     while slab.data.time < 0.3:  # to rest on what is there
         slab.step()
     slab.data.qvel[1] = speed
-    lasting = speed / (slab.car.parameters.gravity * max(mu, Vehicle.load().nominal_mu))  # at least
+    lasting = speed / (slab.car.parameters.gravity * max(mu, Vehicle.load().greatest_mu()))  # at least
     start, motion = slab.data.time, []
     while slab.data.time < start + 0.9 * lasting:
         slab.step()

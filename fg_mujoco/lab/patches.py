@@ -19,7 +19,7 @@ from ..simulation.world import World
 from ..vehicle.car import WHEELS
 from ..vehicle.friction_patches import Patch, random_patches, read_patches
 from ..vehicle.tire_slip import slides_above
-from ..vehicle.tires import DEFAULT_TIRES
+from ..vehicle.tires import IDEAL_TIRES
 from ..vehicle.vehicle import Vehicle
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .lab_laps import LabLaps, drive_laps
@@ -51,7 +51,7 @@ class PatchesExperiment:
             {"what": "laps", "track": track, "planner_mu": planner_mu, "seed": settings.seed + seed, "patches": count,
              "map": seed == 0 and track == (_MAPPED if _MAPPED in tracks else tracks[0]) and count > 0}
             for track in tracks
-            for planner_mu in (Vehicle.load().nominal_mu, _PATCH_MU)
+            for planner_mu in (Vehicle.load().greatest_mu(), _PATCH_MU)
             for seed, count in ((0, 0), *((seed, _COUNT) for seed in range(seeds)))
         ]  # fmt: skip
         ways: list[Cell] = [{"what": "way", "way": way, "mu": _ASKED} for way in WAYS]
@@ -139,7 +139,7 @@ def _laps(cell: Cell) -> Tables:
     patches: tuple[Patch, ...] = ()
     if cell["patches"]:
         patches = random_patches(track, cell["patches"], np.random.default_rng(cell["seed"]), mu=_PATCH_MU)
-    world = World(track, patches=patches)
+    world = World(track, tires=IDEAL_TIRES, patches=patches)
     laps = drive_laps(world, laps=_LAPS, planner_mu=cell["planner_mu"])
     on_patch = (laps.floor_mu < world.car.mu).any(axis=1)
     sliding, steps = laps.column("sliding_steps")[on_patch].sum(), laps.column("steps")[on_patch].sum()
@@ -193,7 +193,7 @@ def _on_laps(laps: list[Row]) -> list[str]:
         crashes = sum(bool(row["crashed"]) for row in rows)
         share = column(rows, "sliding_share_on_patch")
         plain = {row["track"]: float(row["best_lap_s"] or math.nan) for row in laps
-                 if row["planner_mu"] == Vehicle.load().nominal_mu and not row["patches"]}  # fmt: skip
+                 if row["planner_mu"] == Vehicle.load().greatest_mu() and not row["patches"]}  # fmt: skip
         change = [float(row["best_lap_s"] or math.nan) / plain.get(row["track"], math.nan) - 1.0 for row in rows]
         sentences.append(
             f"A planner that assumes mu {planner_mu:g}, over patches of mu {_PATCH_MU:g}: {crashes} of {len(rows)} "
@@ -248,7 +248,7 @@ def _draw_map(figure: matplotlib.figure.Figure, ticks: list[Row], places: list[R
         points = np.column_stack((column(own, "x_m"), column(own, "y_m")))
         line = LineCollection(
             list(np.stack((points[:-1], points[1:]), axis=1)), array=column(own, "slide_m_s")[:-1],
-            cmap=colours, norm=LogNorm(slides_above(DEFAULT_TIRES), 5.0), linewidth=1.4, capstyle="round",
+            cmap=colours, norm=LogNorm(slides_above(IDEAL_TIRES), 5.0), linewidth=1.4, capstyle="round",
         )  # fmt: skip
         axes.add_collection(line)
         axes.set_title(f"planner assumes mu {planner_mu:g}", fontsize=8.0)

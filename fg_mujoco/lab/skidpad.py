@@ -25,7 +25,7 @@ from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..vehicle.car import WHEELS, car_parameters
 from ..vehicle.tire_slip import slides_above
-from ..vehicle.tires import DEFAULT_TIRES, Tires
+from ..vehicle.tires import IDEAL_TIRES, Tires
 from ..vehicle.vehicle import Vehicle
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .rigid_car import grip_onset, onset, sliding_onset, tire_loads
@@ -98,7 +98,7 @@ def _on(rows: list[Row], tires: str) -> list[Row]:
 
 def _figures(tires: str, onsets: list[Row], curvatures: list[Row]) -> tuple[Figure, ...]:
     """Return the figures of a set of tires."""
-    ending = "" if tires == DEFAULT_TIRES else f"_{tires}"
+    ending = "" if tires == IDEAL_TIRES else f"_{tires}"
     return (
         Figure(
             name=f"k{ending}",

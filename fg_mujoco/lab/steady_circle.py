@@ -254,10 +254,8 @@ class SteadyCircle:
 
 
 def greatest_peak(tires: Tires, mu: float) -> float:
-    """Return the greatest peak that gives tires the least peak `mu` [-]: mu where the friction is the vehicle's."""
-    if tires.peak is None or tires.least_peak is None:
-        return mu
-    return tires.peak * mu / tires.least_peak
+    """Return the greatest peak that gives tires the least peak `mu` [-]."""
+    return mu / tires.least_share
 
 
 def _greatest_forces(trace: Trace) -> FloatArray:

@@ -20,7 +20,7 @@ from ..messages import DriveCommand, Odometry
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..vehicle.tire_slip import slides_above
-from ..vehicle.tires import DEFAULT_TIRES, Tires
+from ..vehicle.tires import IDEAL_TIRES, Tires
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import LabGround
 from .reference_steering import CURVATURE, MANOEUVRES, Manoeuvre
@@ -91,7 +91,7 @@ def _on(rows: list[Row], tires: str) -> list[Row]:
 
 def _pictures(tires: str, runs: list[Row], samples: list[Row]) -> tuple[Figure, ...]:
     """Return the figures of a set of tires."""
-    ending = "" if tires == DEFAULT_TIRES else f"_{tires}"
+    ending = "" if tires == IDEAL_TIRES else f"_{tires}"
     name, mu, k = _SHOWN
     return (
         Figure(

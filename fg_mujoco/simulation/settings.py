@@ -171,7 +171,7 @@ class CarSettings:
     )
     changes: CarChanges = field(default_factory=CarChanges)  # what else differs from the vehicle's MJCF
     tires: Tires | str | Path | None = setting(
-        None, "{names}, or the file of a set; default: the vehicle's, coulomb", "NAME|FILE.toml", "car"
+        None, "{names}, or the file of a set; default: the vehicle's, f1tenth", "NAME|FILE.toml", "car"
     )
     patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
     sensors: Sequence[Sensor | str | Mapping[str, Any]] = setting(
@@ -250,7 +250,7 @@ class CarSettings:
     @property
     def tires_mu(self) -> float:
         """Friction coefficient of the tires as they are set, or their greatest peak."""
-        return self.all_changes.mu or self.tire_set.peak or self.car.reliable_mu(self.tire_set)
+        return self.all_changes.mu or self.car.greatest_mu(self.tire_set)
 
     @property
     def ground(self) -> Any:

@@ -118,8 +118,8 @@ class Vehicle:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of its MJCF, of its LiDAR's, and of its tires where the MJCF names a set with a law of ours."""
-        tires = "" if self.tires.is_contact or self.tires == Tires.load(DEFAULT_TIRES) else self.tires.sha256
+        """Hash of its MJCF, of its LiDAR's, and of its tires if they have a law of ours."""
+        tires = "" if self.tires.is_contact else self.tires.sha256
         return hashlib.sha256(self.text.encode() + self.lidar.text.encode() + tires.encode()).hexdigest()
 
     @cached_property
@@ -152,10 +152,23 @@ class Vehicle:
           mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in their file.
         """
         tires = tires or self.tires
-        if tires.least_peak is not None and tires.peak is not None:
-            return tires.least_peak if mu is None else tires.least_peak * mu / tires.peak
+        if tires.peak is not None:
+            return tires.least_share * (mu or tires.peak)
+        peaks = self._lateral_peaks(mu, tires)
+        return min(*peaks, max(peaks) * tires.least_share)
+
+    def greatest_mu(self, tires: Tires | None = None) -> float:
+        """Return the friction coefficient of its tires, or their greatest lateral peak [-]: what `mu` sets.
+
+        Args:
+          tires: that it stands on; None: its own.
+        """
+        tires = tires or self.tires
+        return tires.peak or max(self._lateral_peaks(None, tires))
+
+    def _lateral_peaks(self, mu: float | None, tires: Tires) -> list[float]:
         spec = self.spec(mu, tires=tires)
-        return min(float(spec.pair(f"{wheel}_tire").friction[0]) for wheel in WHEELS)
+        return [float(spec.pair(f"{wheel}_tire").friction[0]) for wheel in WHEELS]
 
     def spec(
         self, mu: float | None = None, changes: CarChanges | None = None, tires: Tires | None = None

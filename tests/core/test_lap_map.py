@@ -192,7 +192,7 @@ def test_a_line_that_is_about_as_sharp_as_full_lock_for_long_is_not_followed():
 
 def test_on_soft_tires_a_line_is_followed_only_where_the_planners_own_simulated_lap_holds():
     """The car crashed on its line in lap 2 on both: linear tires of 5 /rad, and bristles of 12 /rad."""
-    lateral = Coulomb(stiffness=12.0)
+    lateral = Coulomb(D=1.0489, stiffness=12.0)
     axle = AxleTires(lateral=lateral, longitudinal=lateral, relaxation_length=0.045)
     bristles = Tires(model="coulomb", front=axle, rear=axle)
     for track, tires in (("tight", "f1tenth_gym"), ("l_corridor", bristles)):

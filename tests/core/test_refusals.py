@@ -77,8 +77,8 @@ GIVEN = {
     fg.MovingObstacle: {"length": 0.4, "width": 0.3, "start": (6.0, 0.0), "end": (1.0, 0.0), "speed": 1.3},
     fg.Patch: {"x": 0.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5},
     fg.DriveCommand: {"steering_angle": 0.0, "speed": 1.0}, PlannerContext: {"car": CAR, "mu": MU, "max_speed": 8.0},
-    CarParameters: dataclasses.asdict(CAR), Brush: {"D": 1.0, "stiffness": 20.0}, Coulomb: {"stiffness": 20.0},
-    Linear: {"D": 1.0, "stiffness": 5.0}, MagicFormula: {"B": 10.0, "C": 1.6, "D": 1.1},
+    CarParameters: dataclasses.asdict(CAR), MagicFormula: {"B": 10.0, "C": 1.6, "D": 1.1},
+    **{kind: {"D": 1.0, "stiffness": 20.0} for kind in (Brush, Coulomb, Linear)},
     **{kind: {} for kind in (Footprint, GeneratorSettings, TightSettings)},
 }  # fmt: skip
 """What makes one of each class that cannot be made of nothing, and classes of add-ons."""

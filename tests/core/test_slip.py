@@ -15,9 +15,8 @@ from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.tires import AxleTires, Coulomb, Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle
-from scan_worlds import scan_of
+from scan_worlds import CAR, scan_of
 
-CAR = Vehicle.load().parameters
 BLIND = scan_of(np.zeros(1081))
 SOFT = replace(CAR, **Tires.load("forzaeth_nuc6").for_planners())
 

@@ -22,7 +22,7 @@ from fg_mujoco.vehicle.tire_forces import TireForces, begin_step, end_step
 from fg_mujoco.vehicle.tire_patch import deflect, grip_of
 from fg_mujoco.vehicle.tire_rows import ACROSS, ALONG, FORCE_ACROSS, FORCE_ALONG, LOAD, USERDATA
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
-from fg_mujoco.vehicle.tires import AxleTires, Brush, Tires, tires_of
+from fg_mujoco.vehicle.tires import DEFAULT_TIRES, AxleTires, Brush, Tires, tires_of
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 BRUSH = Tires(
@@ -147,7 +147,7 @@ def test_mu_scales_all_peaks_and_the_model_says_which_tires_it_has():
     for one, other in zip(read.axles, Tires.load("forzaeth_nuc2").axles, strict=True):
         assert one.lateral.peak_slip == pytest.approx(other.lateral.peak_slip, rel=1e-4)
     assert tires_of(Vehicle.load().spec(tires=Tires()).compile()).is_contact
-    assert tires_of(Vehicle.load().compile()).model == "coulomb"
+    assert tires_of(Vehicle.load().compile()).model == Tires.load(DEFAULT_TIRES).model
 
 
 def test_the_slip_meter_reads_the_tires_forces_and_where_they_are_past_the_peak():

@@ -10,7 +10,19 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.vehicle.tires import LAWS, NUMBERS, Brush, Coulomb, Linear, MagicFormula, Tires, curve_force, tire_names
+from fg_mujoco.vehicle.tires import (
+    DEFAULT_TIRES,
+    IDEAL_TIRES,
+    LAWS,
+    NUMBERS,
+    Brush,
+    Coulomb,
+    Linear,
+    MagicFormula,
+    Tires,
+    curve_force,
+    tire_names,
+)
 
 FOLDER = files("fg_mujoco.models") / "tires"
 NAMES = [name for name in tire_names() if name != "contact"]
@@ -35,7 +47,7 @@ relaxation_length = 0.05
 def test_each_number_of_a_set_says_its_unit_and_source(name):
     lines = (FOLDER / f"{name}.toml").read_text("utf-8").splitlines()
     numbers = [line for line in lines if re.match(r"\w+ = [-\d.]", line)]
-    assert len(numbers) >= (8 if Tires.load(name).model != "coulomb" else 5)
+    assert len(numbers) >= 8 or any(line.startswith("like = ") for line in lines)
     for line in numbers:
         assert re.search(r"  # \[[^\]]+\] .{8,}", line), line
 
@@ -99,17 +111,48 @@ def test_the_kernel_of_a_law_is_its_force(law):
         assert curve_force(LAWS.index(type(law)), law.row(), slip) == pytest.approx(law.force(slip), rel=1e-14)
 
 
-def test_coulomb_has_the_friction_of_the_vehicle_unless_it_names_one():
-    bare = Tires.load("coulomb")
-    assert bare.peak is None and bare.least_peak is None and bare.axles[0].lateral.D is None
-    with pytest.raises(
-        fg.SettingsError, match=r"^Coulomb.D is None, the vehicle's friction; accepted: a number, as Tires"
-    ):
-        bare.axles[0].lateral.force(0.1)
+def test_a_set_of_the_vehicles_friction_is_scaled_to_it():
+    bare, car = Tires.load(IDEAL_TIRES), fg.Vehicle.load()
+    assert bare.peak is None and bare.least_peak is None and bare.least_share == 1.0
     worn = bare.on(0.7)
-    assert worn.peak == worn.least_peak == 0.7 and worn.on(0.4) == worn
-    assert fg.Vehicle.load().reliable_mu(bare) == fg.Vehicle.load().nominal_mu == 1.0489
+    assert worn.peak == worn.least_peak == worn.axles[1].longitudinal.D == 0.7 and worn.on(0.4) == worn
+    assert car.reliable_mu(bare) == car.greatest_mu(bare) == 1.0489
     assert Tires.load("contact").on(0.7) == Tires.load("contact")
+    split = bare.on(0.5, 0.7)
+    assert [axle.lateral.peak for axle in split.axles] == [0.5, 0.7] and split.least_share == pytest.approx(5.0 / 7.0)
+
+
+def test_the_default_set_has_measured_curves_and_the_friction_of_a_race():
+    """Of `ipz`, whose front tires let go first, all forces times one number; planners are told the curves as scaled."""
+    measured, car = Tires.load("ipz"), fg.Vehicle.load()
+    assert car.tires == Tires.load(DEFAULT_TIRES) and car.greatest_mu() == 1.0489
+    assert car.nominal_mu == pytest.approx(1.0489 * measured.least_share) and measured.least_share < 0.9
+    scaled, share = car.tires.on(1.0489), 1.0489 / measured.peak
+    for ours, own in zip(scaled.axles, measured.axles, strict=True):
+        assert ours.relaxation_length == own.relaxation_length and ours.lateral.peak_slip == own.lateral.peak_slip
+        for slip in (0.02, 0.1, 0.5):
+            assert ours.lateral.force(slip) == pytest.approx(share * own.lateral.force(slip), rel=1e-12)
+    told = car.parameters
+    assert (told.front_peak, told.rear_peak) == pytest.approx([a.lateral.peak for a in scaled.axles], rel=1e-5)
+    assert told.front_cornering_stiffness == pytest.approx(share * measured.axles[0].lateral.slope, rel=1e-5)
+    assert fg.World("oval", mu=0.7).car.mu == pytest.approx(0.7, rel=1e-5)
+    assert fg.World("oval").car.mu == pytest.approx(1.0489, rel=1e-5)
+
+
+def test_a_file_says_only_in_what_it_differs_from_a_set_that_it_is_like(tmp_path):
+    path = tmp_path / "wet.toml"
+    path.write_text('like = "forzaeth_nuc6"\nfriction = "vehicle"\nfloor = "a wet hall"\n')
+    wet, dry = Tires.load(path), Tires.load("forzaeth_nuc6")
+    assert (wet.front, wet.rear, wet.floor, wet.name) == (dry.front, dry.rear, "a wet hall", "wet")
+    assert wet.peak is None and wet.on(dry.peak) == dry and wet.sha256 != dry.sha256
+    for text, said in (
+        ('like = "nuc99"', "tires 'nuc99' are not known; accepted: "),
+        ("like = 3", "like is 3; accepted: the name of a bundled set"),
+        ('like = "ipz"\nfriction = "mine"', "friction is 'mine'; accepted: 'vehicle', or none"),
+    ):
+        path.write_text(text)
+        with pytest.raises(fg.SettingsError, match=re.escape(said)):
+            Tires.load(path)
 
 
 def test_the_peak_is_that_of_the_closed_form():
@@ -188,7 +231,7 @@ def test_a_bad_file_is_refused_in_one_line_that_names_it(tmp_path, old, new, sai
 
 
 def test_a_step_too_long_for_the_stiffness_of_tires_is_refused_in_one_line(tmp_path):
-    axle = "stiffness = 1000.0\nrelaxation_length = 0.001\n"
+    axle = "D = 1.0489\nstiffness = 1000.0\nrelaxation_length = 0.001\n"
     path = tmp_path / "hard.toml"
     path.write_text(f'model = "coulomb"\n[front]\n{axle}[rear]\n{axle}')
     with pytest.raises(

@@ -1,13 +1,15 @@
 """Scans for the tests of the planners: flat worlds of straight walls, worked out beam by beam, no ray caster."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from fg_mujoco.messages import ODOMETRY, LaserScan, Odometry
+from fg_mujoco.vehicle.tires import IDEAL_TIRES, Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = Vehicle.load().parameters
+CAR = replace(Vehicle.load(), tires=Tires.load(IDEAL_TIRES)).parameters  # its paths are as steered
 INCREMENT = math.radians(0.25)
 MU = 1.0489  # of the community's F1TENTH models
 

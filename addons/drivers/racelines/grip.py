@@ -38,7 +38,8 @@ def double_track_grip(entry: Entry) -> Grip:
     Raises:
       SettingsError: so much grip that the car would lift a wheel.
     """
-    car, tires, friction = entry.car.parameters, entry.tire_set, entry.tires_mu
+    car, friction = entry.car.parameters, entry.tires_mu
+    tires = entry.tire_set.on(friction)
     share = 1.0 if tires.peak is None else friction / tires.peak
     most = _greatest(lambda lateral: _holds(car, tires, friction, share, 0.0, lateral), 2.0 * friction * car.gravity)
     if not most > 0.0:

@@ -6,7 +6,17 @@ from .law import GREATEST_SLIP, NUMBERS, Law
 from .laws import CONTACT, LAW_OF, LAWS, MODELS, curve_force
 from .linear import Linear
 from .magic_formula import MagicFormula
-from .sets import AXLE_KEYS, CONTACT_TIMESTEP, DEFAULT_TIRES, NUMERIC, AxleTires, Tires, tire_names, tires_of
+from .sets import (
+    AXLE_KEYS,
+    CONTACT_TIMESTEP,
+    DEFAULT_TIRES,
+    IDEAL_TIRES,
+    NUMERIC,
+    AxleTires,
+    Tires,
+    tire_names,
+    tires_of,
+)
 
 __all__ = [
     "AXLE_KEYS",
@@ -14,6 +24,7 @@ __all__ = [
     "CONTACT_TIMESTEP",
     "DEFAULT_TIRES",
     "GREATEST_SLIP",
+    "IDEAL_TIRES",
     "LAWS",
     "LAW_OF",
     "MODELS",

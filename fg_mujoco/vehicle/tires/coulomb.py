@@ -31,28 +31,21 @@ class Coulomb(Law):
     model: ClassVar[str] = "coulomb"
     holds: ClassVar[bool] = True
 
-    D: float | None = None  # [-] friction; None: that of the vehicle's MJCF
+    D: float  # [-] friction
     stiffness: float  # [1/rad] force over friction times load, by slip, of a tire that holds
 
     def __post_init__(self) -> None:
-        if self.D is not None:
-            accepted = "above 0, up to 3, which no such tire reaches"
-            require(self, lambda v: 0.0 < v <= 3.0, accepted, ("D",), SettingsError)
+        require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
         require(self, lambda v: 1.0 <= v <= 1000.0, "1 to 1000 per rad", ("stiffness",), SettingsError)
-
-    @classmethod
-    def needed(cls) -> tuple[str, ...]:
-        """Return the names of those that a tire file must have."""
-        return ("stiffness",)
 
     def force(self, slip: float) -> float:
         """Return the force over the load [-] at a slip [rad or -], which has its sign."""
-        return with_sign(self.peak * min(self.stiffness * abs(slip), 1.0), slip)
+        return with_sign(self.D * min(self.stiffness * abs(slip), 1.0), slip)
 
     @property
     def slope(self) -> float:
         """Force over the load for each rad of slip, at none [1/rad]."""
-        return self.peak * self.stiffness
+        return self.D * self.stiffness
 
     @property
     def peak_slip(self) -> float:
@@ -61,21 +54,13 @@ class Coulomb(Law):
 
     @property
     def peak(self) -> float:
-        """Friction [-].
-
-        Raises:
-          SettingsError: it is that of a vehicle, which is not known here.
-        """
-        if self.D is None:
-            raise SettingsError(
-                "Coulomb.D is None, the vehicle's friction; accepted: a number, as Tires.on(friction) has it"
-            )
+        """Friction [-]."""
         return self.D
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """Friction, and stiffness."""
-        return self.peak, self.stiffness
+        return self.D, self.stiffness
 
 
 @kernel

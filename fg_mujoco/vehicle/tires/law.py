@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass, fields
-from typing import ClassVar
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -68,6 +68,10 @@ class Law:
     def has_peak(self) -> bool:
         """Whether a tire slides past a peak, which a law without a finite `peak_slip` does not have."""
         return self.slides and math.isfinite(self.peak_slip)
+
+    def scaled(self: Any, by: float) -> Any:
+        """Return it with all forces times a factor, which is that of its value D."""
+        return replace(self, D=by * self.D)
 
     @classmethod
     def value_names(cls) -> tuple[str, ...]:

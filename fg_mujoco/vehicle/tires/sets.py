@@ -34,8 +34,14 @@ from .laws import CONTACT, LAW_OF, LAWS, MODELS
 if TYPE_CHECKING:
     from importlib.abc import Traversable
 
-DEFAULT_TIRES = "coulomb"
-"""The set that a vehicle stands on unless its MJCF or a setting names another."""
+DEFAULT_TIRES = "f1tenth"
+"""The set that a vehicle stands on unless its MJCF or a setting names another: measured curves."""
+
+IDEAL_TIRES = "coulomb"
+"""The set on which the laws of Coulomb friction hold: it needs hardly any slip angle."""
+
+OF_VEHICLE = "vehicle"
+"""`friction` of a set whose greatest lateral peak is the friction of the vehicle's MJCF."""
 
 NUMERIC = "{}_tires"
 """Name in a compiled model of the numbers of an axle's tires: the place of the law in LAWS, what the law needs of both
@@ -51,7 +57,7 @@ CONTACT_TIMESTEP = 0.0005
 
 _MOST_BYTES = 2**16  # of a tire file
 _AXLES = ("front", "rear")
-_STIFF = 0.05  # [rad] slip at which bristles slide, from which on planners are told how soft they are: 20 /rad
+_STIFF = 0.05  # [rad] slip of the peak, up to which planners need not know the curves: bristles of 20 /rad and more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,8 +104,11 @@ class Tires:
     rear: AxleTires | None = None
     name: str = field(default="contact", compare=False)
     floor: str = field(default="", compare=False)  # on which it was measured: a name of `floors`, or in words
+    friction: str = ""  # OF_VEHICLE: the greatest lateral peak is the vehicle's friction; empty: as the curves have it
 
     def __post_init__(self) -> None:
+        if self.friction not in ("", OF_VEHICLE):
+            raise SettingsError(f"Tires.friction is {self.friction!r}; accepted: {OF_VEHICLE!r}, or none")
         if self.model not in MODELS:
             raise SettingsError(f"Tires.model is {self.model!r}; {accepted_names(self.model, MODELS)}")
         for axle in _AXLES:
@@ -177,18 +186,23 @@ class Tires:
     @property
     def least_peak(self) -> float | None:
         """Least peak of the set in any direction [-]: what the car can rely on; None: the friction is the vehicle's."""
-        if self._of_vehicle:
-            return None
-        return min(curve.peak for axle in self.axles for curve in (axle.lateral, axle.longitudinal))
+        return None if self.peak is None else self.peak * self.least_share
+
+    @property
+    def least_share(self) -> float:
+        """Least peak in any direction over the greatest lateral one [-]: what is left of `mu` for planners."""
+        if self.is_contact:
+            return 1.0
+        least = min(curve.peak for axle in self.axles for curve in (axle.lateral, axle.longitudinal))
+        return least / max(axle.lateral.peak for axle in self.axles)
 
     @property
     def _of_vehicle(self) -> bool:
         """Whether the friction is that of the vehicle's MJCF."""
-        curves = () if self.is_contact else (c for axle in self.axles for c in (axle.lateral, axle.longitudinal))
-        return self.is_contact or any(getattr(curve, "D", 0.0) is None for curve in curves)
+        return self.is_contact or self.friction == OF_VEHICLE
 
     def on(self, front: float, rear: float | None = None) -> Tires:
-        """Return the set on a vehicle whose MJCF has these frictions [-]: with them where the set gives none.
+        """Return the set on a vehicle whose MJCF has these frictions [-], to which one that is of it is scaled.
 
         Args:
           front: of the tires of the front axle.
@@ -197,15 +211,16 @@ class Tires:
         if self.is_contact or not self._of_vehicle:
             return self
         frictions = front, front if rear is None else rear
+        greatest = max(axle.lateral.peak for axle in self.axles)
         axles = [
-            replace(axle, lateral=_rubbed(axle.lateral, mu), longitudinal=_rubbed(axle.longitudinal, mu))
-            for axle, mu in zip(self.axles, frictions, strict=True)
+            replace(axle, lateral=axle.lateral.scaled(share), longitudinal=axle.longitudinal.scaled(share))
+            for axle, share in zip(self.axles, (mu / greatest for mu in frictions), strict=True)
         ]
-        return replace(self, front=axles[0], rear=axles[1])
+        return replace(self, front=axles[0], rear=axles[1], friction="")
 
     def for_planners(self) -> dict[str, float]:
-        """Return the parameters of the tires for planners, as fields of CarParameters; none for stiff bristles."""
-        if self._of_vehicle or (self.model == DEFAULT_TIRES and max(a.lateral.peak_slip for a in self.axles) <= _STIFF):
+        """Return the parameters of the tires for planners, as fields of CarParameters; none of stiff ones."""
+        if self.is_contact or max(axle.lateral.peak_slip for axle in self.axles) <= _STIFF:
             return {}
         found = {"relaxation_length": max(axle.relaxation_length for axle in self.axles)}
         for name, axle in zip(_AXLES, self.axles, strict=True):
@@ -215,7 +230,8 @@ class Tires:
 
     def described(self) -> dict[str, Any]:
         """Return the set as its TOML file has it, as it can stand in JSON; `load` reads it."""
-        found: dict[str, Any] = {"name": self.name, "model": self.model} | ({"floor": self.floor} if self.floor else {})
+        found: dict[str, Any] = {"name": self.name, "model": self.model}
+        found |= {key: getattr(self, key) for key in ("floor", "friction") if getattr(self, key)}
         if not self.is_contact:
             for name, axle in zip(_AXLES, self.axles, strict=True):
                 found[name] = _values(axle.lateral) | {key: getattr(axle, key) for key in AXLE_KEYS}
@@ -230,13 +246,9 @@ class Tires:
         return hashlib.sha256(json.dumps(numbers, sort_keys=True).encode()).hexdigest()
 
 
-def _rubbed(curve: Any, friction: float) -> Any:
-    return replace(curve, D=friction) if getattr(curve, "D", 0.0) is None else curve
-
-
 def _values(curve: Law) -> dict[str, float]:
     """Return the values of a curve as a tire file has them."""
-    return {key: getattr(curve, key) for key in curve.value_names() if getattr(curve, key) is not None}
+    return {key: getattr(curve, key) for key in curve.value_names()}
 
 
 def numbers_of(axle: AxleTires, law: str) -> list[float]:
@@ -308,8 +320,10 @@ def _parsed(text: str, where: str, name: str) -> Tires:
 
 def _of(table: Mapping[str, Any], where: str) -> Tires:
     """Return the tires of a table as TOML has it."""
-    _known(table, ("name", "model", "floor", *_AXLES), where)
-    model, floor = table.get("model"), table.get("floor", "")
+    _known(table, ("name", "like", "model", "floor", "friction", *_AXLES), where)
+    if "like" in table:
+        table = {**_like(table["like"], where).described(), **table}
+    model, floor, friction = table.get("model"), table.get("floor", ""), table.get("friction", "")
     if not isinstance(floor, str):
         raise SettingsError(f"{where}: floor is {floor!r}; accepted: the name of a floor, or a description")
     if model not in MODELS:
@@ -322,7 +336,15 @@ def _of(table: Mapping[str, Any], where: str) -> Tires:
             continue
         axles[axle] = _axle(_table(table, axle, where), model, f"{where}, [{axle}]")
     name = str(table.get("name", "tires"))
-    return Tires(model=model, name=name, floor=floor, front=axles.get("front"), rear=axles.get("rear"))
+    values = {"model": model, "name": name, "floor": floor, "friction": friction, **axles}
+    tires: Tires = _made(Tires, where, **values)
+    return tires
+
+
+def _like(name: Any, where: str) -> Tires:
+    if not isinstance(name, str) or name.endswith(".toml"):
+        raise SettingsError(f"{where}: like is {name!r}; accepted: the name of a bundled set")
+    return Tires.load(name)
 
 
 def _axle(table: Mapping[str, Any], model: str, where: str) -> AxleTires:
