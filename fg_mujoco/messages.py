@@ -417,16 +417,28 @@ class CarParameters:
     relaxation_length: float = 0.0  # [m] over which the force follows the slip angle
     steering_time_constant: float = 0.02  # [s] of the steering servo: rate = (command - angle) / this, until limited
     command_delay: float = 0.0  # [s] from a command to the servos
+    drives_front: bool = True  # whether the motor drives, and brakes, the front axle
+    drives_rear: bool = True
+    shaft: bool = False  # whether both axles turn alike; else they have the same torque
+    front_lock: float = 0.0  # [-] the greatest difference of its wheels' forces over their sum: 0 open, 1 locked
+    rear_lock: float = 0.0
 
     def __post_init__(self) -> None:
         require(self, math.isfinite, "a finite number", ("min_speed",), MessageError)
         of_tires = tuple(f"{axle}_{name}" for axle in ("front", "rear") for name in _OF_TIRES)
-        from_zero = ("relaxation_length", "command_delay")
-        others = ("min_speed", *from_zero, *of_tires)
+        from_zero, flags = ("relaxation_length", "command_delay"), ("drives_front", "drives_rear", "shaft")
+        locks = ("front_lock", "rear_lock")
+        others = ("min_speed", *from_zero, *of_tires, *flags, *locks)
         positive = tuple(f.name for f in fields(self) if f.name not in others)
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, MessageError)
         require(self, lambda value: value > 0.0, "a positive number, or inf", of_tires, MessageError)
         require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, MessageError)
+        require(self, lambda value: 0.0 <= value <= 1.0, "a number from 0 to 1", locks, MessageError)
+        for name in flags:
+            if not isinstance(getattr(self, name), bool):
+                raise MessageError(f"CarParameters.{name} is {getattr(self, name)!r}; accepted: True or False")
+        if not (self.drives_front or self.drives_rear):
+            raise MessageError("CarParameters.drives_front and drives_rear are False; accepted: True of one or both")
 
     def __repr__(self) -> str:
         return brief(

@@ -16,6 +16,7 @@ from ..display import brief
 from ..errors import ModelError
 from ..messages import ODOMETRY, CarParameters, DriveCommand, Odometry
 from . import motion as car_motion
+from .drive_line import DriveLine
 from .steering_servo import response
 from .tires import tires_of
 
@@ -79,15 +80,14 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     over_ground = float((origin - data.geom_xpos[ground]) @ axes[:, 2])
     wheels = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
     front_left, front_right, rear_left, _ = (data.xpos[wheels] - origin) @ axes
-    drivetrain = element_id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")
-    wraps = slice(model.tendon_adr[drivetrain], model.tendon_adr[drivetrain] + model.tendon_num[drivetrain])
-    wheel_radius = _positive(model.wrap_prm[wraps].sum(), "the sum of tendon 'drive'")  # that they roll on
+    line = DriveLine.of(model, prefix)
+    wheel_radius = line.wheel_radius
     chassis = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}chassis")
     half_length, half_width = (float(half) for half in model.geom_size[chassis, :2])
 
     spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
-    wheel_inertias = model.dof_M0[model.jnt_dofadr[spins]]
-    effective_mass = mass + float(wheel_inertias.sum()) / wheel_radius**2
+    dofs = model.jnt_dofadr[spins]
+    effective_mass = mass + (float(model.dof_M0[dofs].sum()) + line.motor_inertia) / wheel_radius**2
     steering, joints = steering_of(model, prefix)
     steering_angle, steering_rate, steering_time_constant = response(model, steering, joints)
     drive = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")
@@ -109,7 +109,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         center_of_gravity_height=float(center_of_gravity[2]) + over_ground,
         yaw_inertia=yaw_inertia,
         wheel_radius=wheel_radius,
-        wheel_inertia=float(wheel_inertias.mean()),
+        wheel_inertia=float((model.dof_M0[dofs] - model.dof_armature[dofs]).mean()),
         max_steering_angle=steering_angle,
         max_steering_rate=steering_rate,
         min_speed=float(model.actuator_ctrlrange[drive, 0]),
@@ -121,6 +121,11 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         gravity=-float(model.opt.gravity[2]),
         steering_time_constant=steering_time_constant,
         command_delay=command_delay(model, prefix),
+        drives_front="front" in line.driven,
+        drives_rear="rear" in line.driven,
+        shaft=line.shaft,
+        front_lock=line.front.lock,
+        rear_lock=line.rear.lock,
         **tires_of(model, prefix).for_planners(),
     )
 

@@ -24,6 +24,7 @@ from .bodywork import HULL
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice, steering_of
 from .command_response import command_response
 from .drive_check import engine_faults
+from .drive_line import DriveLine
 from .steering_servo import ackermann
 from .tire_slip import TireSlipMeter
 from .vehicle_mjcf import OWN_CAR
@@ -65,7 +66,7 @@ def _parts() -> Iterator[Part]:
         yield Part("geom", f"{wheel}_tire", "its tire")
         yield Part("pair", f"{wheel}_tire", "contact of the tire and the ground: friction, springs")
     yield Part(
-        "tendon", "drive", "of the four spins, each times a quarter of the radius: the wheels' mean surface speed"
+        "tendon", "drive", "of the driven wheels' spins, each times a quarter of the radius, of two wheels half of it"
     )
     yield Part("actuator", "steering", "position servo of the steering, ctrl [rad]; the first actuator")
     yield Part("actuator", "speed", "velocity servo of the drive, ctrl [m/s]; the second actuator")
@@ -177,7 +178,9 @@ def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
         yield "a mass or inertia is not finite; accepted: numbers above 0 [kg, kg m^2]"
         return
     yield from _place_faults(model)
+    line = None
     try:
+        line = DriveLine.of(model)
         _ = Car(model), TireSlipMeter(model), command_response(model)
     except FgMujocoError as error:
         yield str(error)
@@ -189,7 +192,7 @@ def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
         yield f"body {moved!r} is a mocap body; accepted: none in a vehicle"
     if not all(model.eq_active0[equality] for equality in ackermann(model, steering_of(model)[1])):
         yield "an equality of the kingpins is not active; accepted: active, so that they follow the steering"
-    yield from _standing_faults(model)
+    yield from _standing_faults(model, line)
     yield from _beam_faults(model, beams)
 
 
@@ -222,11 +225,11 @@ def _place_faults(model: Any) -> Iterator[str]:
             )
 
 
-def _standing_faults(model: Any) -> Iterator[str]:
-    """Yield how a car, as it is drawn, does not stand on its four tires, or does not drive all of them."""
+def _standing_faults(model: Any, line: DriveLine | None) -> Iterator[str]:
+    """Yield how a car, as it is drawn, does not stand on its four tires, or does not roll on its drive's radii."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    ground, shares, undriven = model.geom("ground").id, _drive_shares(model), []
+    ground, wrong = model.geom("ground").id, list[str]()
     for wheel in WHEELS:
         tire = model.geom(f"{wheel}_tire")
         if not (np.abs(tire.pos) <= _GAP).all():
@@ -239,12 +242,13 @@ def _standing_faults(model: Any) -> Iterator[str]:
                 "in it"
             )
         height = float(data.body(f"{wheel}_wheel").xpos[2] - data.geom("ground").xpos[2])
-        if not abs(4.0 * shares[wheel] - height) <= _RADIUS_TOLERANCE * abs(height):
-            undriven.append(f"{wheel}_wheel roll on {4.0 * shares[wheel]:.4g} m, its middle at {height:.4g} m")
-    if undriven:
+        radius = 2.0 * len(line.driven) * line.shares[wheel] if line is not None else 0.0  # that it rolls on
+        if radius > 0.0 and not abs(radius - height) <= _RADIUS_TOLERANCE * abs(height):
+            wrong.append(f"{wheel}_wheel roll on {radius:.4g} m, its middle at {height:.4g} m")
+    if wrong:
         yield (
-            f"tendon 'drive' makes {', '.join(undriven)}; accepted: coefficients of a quarter of the radius, for all "
-            "four wheels"
+            f"tendon 'drive' makes {', '.join(wrong)}; accepted: coefficients of a quarter of the radius for four "
+            "driven wheels, and of half of it for two"
         )
     clear = mujoco.mj_geomDistance(model, data, model.geom(HULL).id, ground, 1.0, None)
     if clear <= 0.0:
@@ -273,14 +277,6 @@ def _beam_faults(model: Any, beams: Beams) -> Iterator[str]:
             f"geom {name} is in the way of {len(distances)} of the {count} beams of the LiDAR, {min(distances):.3f} "
             "m from it; accepted: below the beams, or transparent (an rgba of its own, or a material, that ends in 0)"
         )
-
-
-def _drive_shares(model: Any) -> dict[str, float]:
-    """Return the coefficient of each wheel's spin in the tendon `drive` [m]; 0 of one that is not in it."""
-    drive = model.tendon("drive").id
-    wraps = range(model.tendon_adr[drive], model.tendon_adr[drive] + model.tendon_num[drive])
-    shares = {model.joint(int(model.wrap_objid[wrap])).name: float(model.wrap_prm[wrap]) for wrap in wraps}
-    return {wheel: shares.get(f"{wheel}_wheel", 0.0) for wheel in WHEELS}
 
 
 def _check_stance(model: Any, where: str) -> None:

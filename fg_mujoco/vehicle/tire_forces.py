@@ -338,10 +338,9 @@ def limit_power(model: int, data: int, found: Fields, gears: GearRows, dofs: int
     for car in range(len(gears)):
         gear = gears[car]
         if gear.power > 0.0 and not gear.driven:
-            spin = 0.0
+            speed, motor = 0.0, gear.actuator[1]
             for wheel in range(4):
-                spin += 0.25 * qvel[gear.spin_dof[wheel]]
-            speed, motor = spin * gear.wheel_radius, gear.actuator[1]
+                speed += gear.share[wheel, 0] * qvel[gear.spin_dof[wheel]]
             power = gear.power / max(abs(speed), 1e-9) if limited else math.inf
             forces = stages.vector(model, found.actuator_forcerange, 2 * motor + 2)
             least, most = gear.force_range[1, 0], gear.force_range[1, 1]

@@ -19,6 +19,7 @@ from ..errors import ModelError
 from ..messages import FloatArray
 from .car import WHEELS, element_id, steering_of
 from .changes import six_digits
+from .drive_line import DriveLine, tie_on_contacts
 from .steering_servo import ackermann, is_ours, is_plain_servo
 from .tires import LAW_OF, LAWS, NUMBERS, NUMERIC, Tires, tires_of
 from .tires.sets import numbers_of
@@ -100,7 +101,12 @@ GEAR = np.dtype(
         ("kingpin_dof", np.int64, (2,)),
         ("ackermann", np.float64, (2, 5)),  # their angles as polynomials of the steering angle
         ("driven", np.int64),  # whether the motor acts through fixed shares of the wheels' spins
-        ("drive_share", np.float64, (4,)),  # [m] of each wheel's spin in the speed of the drive
+        ("lanes", np.int64),  # how many speeds of the drive line are followed, that of the drive first; see `push_car`
+        ("share", np.float64, (4, 4)),  # of each wheel's spin in each of them
+        ("give", np.float64, (4,)),  # of what ties each: 0 rigid, else an inverse inertia; negative: nothing does
+        ("preload", np.float64, (4,)),  # [N m] of a clutch that holds each; negative: none does
+        ("ramp", np.float64, (4,)),  # [-] of the torque through its axle
+        ("clutches", np.int64),
         # of the two servos, steering and drive
         ("actuator", np.int64, (2,)),
         ("delayed", np.int64, (2,)),  # how MuJoCo interpolates what they were told; -1: they have no delay
@@ -134,6 +140,8 @@ def put_on(spec: Any, tires: Tires) -> Tires:
             spec.delete(numbers)
             spec.nuserdata = 0
     if tires.is_contact:
+        if spec.tendon("drive") is not None:
+            tie_on_contacts(spec)
         return tires
     found = [wheel for wheel in WHEELS if spec.pair(f"{wheel}_tire") is not None]
     frictions: list[float] = []
@@ -177,6 +185,7 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
     if tires.is_contact:
         return np.zeros(0, TIRE)
     _require_plain_contact(model, prefix, wheels)
+    _require_free_spins(model, prefix, wheels)
     rows, law = np.zeros(len(wheels), TIRE), LAW_OF[tires.model]
     common = _common(model, prefix, wheels)
     for row, wheel in zip(rows, wheels, strict=True):
@@ -212,6 +221,25 @@ def _require_plain_contact(model: mujoco.MjModel, prefix: str, wheels: Sequence[
             name = model.tendon(tendon).name.removeprefix(prefix)
             raise ModelError(
                 f"tendon {name!r} damps its joints at {rate:.4g} /s; accepted: up to {most:.4g} /s, {_ON_CONTACTS}"
+            )
+
+
+def _require_free_spins(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> None:
+    """Refuse equalities of the wheels' spins: they act once a physics step, in which a tire answers many times."""
+    spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in wheels]
+    for equality in range(model.neq):
+        ends, tied = (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])), set[int]()
+        if model.eq_type[equality] == mujoco.mjtEq.mjEQ_JOINT:
+            tied.update(ends)
+        elif model.eq_type[equality] == mujoco.mjtEq.mjEQ_TENDON:
+            for end in ends:
+                wraps = slice(model.tendon_adr[end], model.tendon_adr[end] + model.tendon_num[end] if end >= 0 else 0)
+                tied.update(model.wrap_objid[wraps][model.wrap_type[wraps] == mujoco.mjtWrap.mjWRAP_JOINT].tolist())
+        if tied & set(spins):
+            name = model.equality(equality).name.removeprefix(prefix)
+            raise ModelError(
+                f"equality {name!r} ties spins of wheels, between whose answers tires act many times; accepted: a text "
+                f"'centre' with data 'shaft' or 'front_axle' or 'rear_axle' with 'locked' in <custom>, {_ON_CONTACTS}"
             )
 
 
@@ -344,16 +372,14 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
     gear["spin_dof"] = [
         model.jnt_dofadr[element_id(model, kinds.mjOBJ_JOINT, f"{prefix}{wheel}_wheel")] for wheel in WHEELS
     ]
-    drive = element_id(model, kinds.mjOBJ_TENDON, f"{prefix}drive")
-    wraps = slice(model.tendon_adr[drive], model.tendon_adr[drive] + model.tendon_num[drive])
-    gear["wheel_radius"] = model.wrap_prm[wraps].sum()
+    _find_drive_line(gear, DriveLine.of(model, prefix))
     if not tires_of(model, prefix).is_contact:
         gear["userdata"] = userdata_place(model, prefix)
         free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
         gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
         _find_common(model, gear, _common(model, prefix, WHEELS))
         _find_steering(model, prefix, gear)
-        _find_drive(model, prefix, gear)
+        gear["driven"] = _drives_spins(model, gear)
     gears.flags.writeable = False
     return gears
 
@@ -388,25 +414,39 @@ def _find_steering(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
     gear["ackermann"] = [model.eq_data[equality, :5] for equality in ackermann(model, joints)]
 
 
-def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
-    """Write which share each wheel has in the drive; not `driven` where the motor acts on anything else."""
-    motor = int(gear["actuator"][1])
-    spins = gear["spin_dof"].tolist()
+def _find_drive_line(gear: Any, line: DriveLine) -> None:
+    """Write the speeds of the drive line: that of the drive, and of each two shafts that something ties."""
+    gear["lanes"], gear["give"], gear["preload"] = 1, -1.0, -1.0
+    gear["wheel_radius"] = line.wheel_radius
+    shares = np.array([line.shares[wheel] for wheel in WHEELS])
+    gear["share"][:, 0] = shares
+    if line.motor_inertia > 0.0:
+        gear["give"][0] = line.wheel_radius**2 / line.motor_inertia
+    if line.shaft:
+        gear["share"][:, 1], gear["give"][1] = 2.0 * shares * (1.0, 1.0, -1.0, -1.0), 0.0
+        gear["lanes"] = 2
+    for wheel, axle in ((0, line.front), (2, line.rear)):
+        if not axle.is_open:
+            lane = int(gear["lanes"])
+            gear["share"][wheel : wheel + 2, lane], gear["lanes"] = (0.5, -0.5), lane + 1
+            if axle.locked:
+                gear["give"][lane] = 0.0
+            else:
+                gear["preload"][lane], gear["ramp"][lane], gear["clutches"] = axle.preload, axle.ramp, 1
+
+
+def _drives_spins(model: mujoco.MjModel, gear: Any) -> bool:
+    """Return whether the motor is a plain servo that acts through fixed shares of the wheels' spins only."""
+    motor, spins = int(gear["actuator"][1]), gear["spin_dof"].tolist()
     if not is_plain_servo(model, motor, 1):
-        return
+        return False
     tendon = int(model.actuator_trnid[motor, 0])
-    joints = model.dof_jntid[spins]
-    if model.tendon_actfrclimited[tendon] or model.jnt_actfrclimited[joints].any():
-        return
-    wraps = range(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
-    if len(wraps) > 4 or any(model.wrap_type[wrap] != mujoco.mjtWrap.mjWRAP_JOINT for wrap in wraps):
-        return
-    dofs = model.jnt_dofadr[model.wrap_objid[wraps.start : wraps.stop]].tolist()
-    if not set(dofs) <= set(spins):
-        return
-    gear["driven"] = 1
-    for dof, share in zip(dofs, model.wrap_prm[wraps.start : wraps.stop].tolist(), strict=True):
-        gear["drive_share"][spins.index(dof)] += share
+    if model.tendon_actfrclimited[tendon] or model.jnt_actfrclimited[model.dof_jntid[spins]].any():
+        return False
+    wraps = slice(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
+    if len(model.wrap_type[wraps]) > 4 or (model.wrap_type[wraps] != mujoco.mjtWrap.mjWRAP_JOINT).any():
+        return False
+    return set(model.jnt_dofadr[model.wrap_objid[wraps]].tolist()) <= set(spins)
 
 
 def no_gear() -> GearRows:

@@ -2,7 +2,8 @@
 
 Tires are far stiffer than the car: a wheel's spin follows its tire at some 300 rad/s, where a body rolls on its springs
 at 50. So a physics step h moves the tires by n shorter ones (`tire_rows.steps_within`) while the rest of the car goes
-on as MuJoCo has it. The velocities of the four contact points and of the drive make one vector w (13,), and in a step
+on as MuJoCo has it. The velocities of the four contact points, of the drive and of each two shafts that are tied make
+one vector w, and in a step
 
     dw/dt = J M^-1 (the forces without tires and drive) + (J M^-1 J') f(w, u)
 
@@ -10,6 +11,12 @@ with MuJoCo's own inertia M, joint damping taken implicitly as its `implicitfast
 is then given the mean of f over the step, so that it ends with the very w that the short steps ended with. The motor's
 force is a part of f. No tire moves the steering servo, which is stepped by itself; Ackermann's kingpins are then put
 where they belong.
+
+What ties the wheels (`drive_line`) is rigid, and gone before the short steps begin: a speed i of w that must stay 0
+takes the mobility A = J M^-1 J' to A - A_i A_i' / A_ii (Schur), and the free motion a and w likewise. The inertia m of
+the motor, which turns with the speed i, takes A to A - A_i A_i' / (1 / m + A_ii) (Sherman and Morrison). MuJoCo gets
+their mean forces with the others: -(a_i + A_i' f) / (1 / m + A_ii). A clutch pushes against the difference of two
+shafts with what stops it in a short step, up to what it holds.
 """
 
 from __future__ import annotations
@@ -39,23 +46,23 @@ from .tire_rows import (
     TireRows,
 )  # fmt: skip
 
-CONTACTS = 13
-"""Velocities that the short steps follow: of each wheel's contact point, along its heading, to its left and up, then
-that of the drive."""
-
-_DRIVE = CONTACTS - 1
+CONTACTS = 12
+"""Velocities of each wheel's contact point, along its heading, to its left and up, that the short steps follow first.
+Those of the drive line come behind them, up to four (Gear.lanes)."""
 
 LANES = 16
-"""Numbers in a row of `push_car`'s matrices: CONTACTS and, behind them, zeros."""
+"""Numbers in a row of `push_car`'s matrices."""
 
-_JACOBIAN = 0  # (4, 16, 4) by wheel, dof of its chain, and velocity: forward, left, up, drive
+_JACOBIAN = 0  # (4, 16, 4) by wheel, dof of its chain, and velocity: forward, left, up, its spin
 _HALVES = 256  # likewise, see `_half_solve`
 _COMMON = 512  # (16, LANES) of the common dofs
-_MOBILITY = 768  # (CONTACTS, LANES)
+_MOBILITY = 768  # (LANES, LANES)
 _ODD = 1024  # likewise, a part of its sums, and of those of a short step
 _VELOCITY, _FORCE, _MEAN, _FREE, _EVEN = range(1280, 1360, LANES)  # (LANES,) each
 _DEPTH, _FORWARD, _LEFT, _REACH, _SLOW_X, _SLOW_Y = range(1360, 1384, 4)  # (4,) each, by wheel
 _MOVES = 1384  # (5,) of the last wheel, see `_wheel_rows`
+_TIED = 1392  # (4, 20) by speed of the drive line, see `_tie`
+_THROUGH = 1472  # (LANES,)
 
 SCRATCH = 1536
 """Numbers that `push_car` needs room for."""
@@ -114,7 +121,7 @@ def push_car(
     model: int, data: int, found: Fields, inertia: Inertia, gear: Any, tires: TireRows, mu: FloatArray,
     own: FloatArray, scratch: FloatArray, dofs: int, timestep: float, steps: int,
 ) -> None:  # fmt: skip
-    """Move the tires and the drive of a car by the short steps of a physics step, and add their mean forces.
+    """Move the tires and the drive line of a car by the short steps of a physics step, and add their mean forces.
 
     MuJoCo's stages up to the acceleration without constraints must be done, with the inertia of `damp_inertia`.
 
@@ -140,25 +147,27 @@ def push_car(
         scratch[_COMMON + i] = 0.0
     for k in range(wheels):
         tire = tires[k]
-        scratch[_DEPTH + k] = _wheel_rows(data, found, tire, k, gear.drive_share[k], dofs, timestep, scratch)
-        forward = _move(data, found, tire, k, short, dofs, scratch)
+        scratch[_DEPTH + k] = _wheel_rows(data, found, tire, k, dofs, timestep, scratch)
+        forward = _move(data, found, gear, tire, k, short, dofs, scratch)
         scratch[_LEFT + k], scratch[_REACH + k] = rolled(forward, tire.relaxation_length, short)
         scratch[_SLOW_X + k], scratch[_SLOW_Y + k] = damping_of(tire, forward, short)
         scratch[_FORWARD + k] = forward
         for part in range(LOAD, USERDATA):
             own[USERDATA * k + part] = 0.0
-        _half_solve(data, found, inertia, tire, k, dofs, scratch)
+        _half_solve(data, found, inertia, gear, tire, k, dofs, scratch)
     _half_solve_common(data, found, inertia, gear, dofs, scratch)
     _mobility(gear, tires, short, scratch)
+    _tie(gear, short, scratch)
     gain = bias = slope = damping = length = before = least = most = 0.0
+    motor = gear.actuator[1]
+    if gear.lanes > 0:
+        before = stages.vector(data, found.actuator_force, motor + 1)[motor]
     if gear.driven:
-        motor = gear.actuator[1]
         gains = stages.vector(model, found.actuator_gainprm, 10 * motor + 10)
         biases = stages.vector(model, found.actuator_biasprm, 10 * motor + 10)
         gain = gains[10 * motor] * _control(model, data, found, gear, 1, scratch[_EVEN:])
         bias, slope, damping = biases[10 * motor], biases[10 * motor + 1], biases[10 * motor + 2]
         length = stages.vector(data, found.actuator_length, motor + 1)[motor]
-        before = stages.vector(data, found.actuator_force, motor + 1)[motor]
         least, most = gear.force_range[1, 0], gear.force_range[1, 1]
     for _ in range(steps):
         for k in range(wheels):
@@ -186,42 +195,44 @@ def push_car(
                 own[state + SLIDING] = max(own[state + SLIDING], math.hypot(sliding_x, sliding_y))
                 own[state + SLIDING_ACROSS] = max(own[state + SLIDING_ACROSS], abs(sliding_y))
         if gear.driven:
-            speed = scratch[_VELOCITY + _DRIVE]
+            speed = scratch[_VELOCITY + CONTACTS]
             pull = min(max(gain + bias + slope * length + damping * speed, least), most)
             if unlikely(pull * speed > gear.power):
                 pull = gear.power / speed
-            scratch[_FORCE + _DRIVE] = pull - before
+            scratch[_FORCE + CONTACTS] = pull - before
             length += short * speed
         for i in range(LANES):
             scratch[_EVEN + i], scratch[_ODD + i] = scratch[_FREE + i], 0.0  # two sums go on at a time
-        for j in range(0, CONTACTS - 1, 2):
+        for j in range(0, CONTACTS, 2):
             add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * j, scratch[_FORCE + j])
             add_scaled_16(scratch, _ODD, _MOBILITY + LANES * (j + 1), scratch[_FORCE + j + 1])
         add_scaled_16(scratch, _EVEN, _ODD, 1.0)
-        add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * _DRIVE, scratch[_FORCE + _DRIVE])
+        add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * CONTACTS, scratch[_FORCE + CONTACTS])
         add_scaled_16(scratch, _VELOCITY, _EVEN, 1.0)
+        if unlikely(gear.clutches > 0):
+            _hold_clutches(gear, before, scratch)
         add_scaled_16(scratch, _MEAN, _FORCE, 1.0)
         for k in range(wheels):
             scratch[_DEPTH + k] -= short * scratch[_VELOCITY + 3 * k + 2]
     share, smooth = 1.0 / steps, stages.vector(data, found.qfrc_smooth, dofs)
-    pull = scratch[_MEAN + _DRIVE] * share
+    _add_tie_forces(gear, _MEAN, steps, scratch)
     for k in range(wheels):
         tire, mean, state = tires[k], _MEAN + 3 * k, USERDATA * k
+        torque = share * _spin_torque(gear, k, _MEAN, scratch)
         fx, fy, fz = scratch[mean] * share, scratch[mean + 1] * share, scratch[mean + 2] * share
         for link in range(tire.links):
             j = _JACOBIAN + 64 * k + 4 * link
             smooth[tire.chain[link]] += (
-                scratch[j] * fx + scratch[j + 1] * fy + scratch[j + 2] * fz + scratch[j + 3] * pull
+                scratch[j] * fx + scratch[j + 1] * fy + scratch[j + 2] * fz + scratch[j + 3] * torque
             )
         own[state + FORCE_ALONG], own[state + FORCE_ACROSS], own[state + LOAD] = fx, fy, fz
 
 
 @kernel
 def _wheel_rows(
-    data: int, found: Fields, tire: Any, wheel: int, drive_share: float, dofs: int, timestep: float,
-    scratch: FloatArray,
+    data: int, found: Fields, tire: Any, wheel: int, dofs: int, timestep: float, scratch: FloatArray
 ) -> float:  # fmt: skip
-    """Write what each dof of a wheel's chain moves its contact point by, and the drive, (links, 4).
+    """Write what each dof of a wheel's chain moves its contact point by, and its spin, (links, 4).
 
     Forward and left are those of the wheel half a physics step later, so that its mean force acts along its mean
     heading, and a car that turns neither gains nor loses by it. They are seen from the body that the dof moves: what
@@ -267,7 +278,7 @@ def _wheel_rows(
                 sin, cos = math.sin(half), math.cos(half)
         row = _JACOBIAN + 64 * wheel + 4 * link
         scratch[row], scratch[row + 1] = along * cos + across * sin, across * cos - along * sin
-        scratch[row + 2], scratch[row + 3] = up, drive_share if link == 0 else 0.0
+        scratch[row + 2], scratch[row + 3] = up, 1.0 if link == 0 else 0.0
         if link > 0:
             speed = qvel[tire.chain[link]]
             speed_along += along * speed
@@ -284,7 +295,7 @@ def _wheel_rows(
 
 @kernel
 def _move(
-    data: int, found: Fields, tire: Any, wheel: int, short: float, dofs: int, scratch: FloatArray
+    data: int, found: Fields, gear: Any, tire: Any, wheel: int, short: float, dofs: int, scratch: FloatArray
 ) -> float:  # fmt: skip
     """Write how a contact point moves now, and by how much faster in a short step; return the wheel's speed forward.
 
@@ -306,15 +317,16 @@ def _move(
     scratch[free] = along + scratch[first] * pull + short * scratch[_MOVES + 3]
     scratch[free + 1] = across + scratch[first + 1] * pull + short * scratch[_MOVES + 4]
     scratch[free + 2] = up + scratch[first + 2] * pull
-    scratch[_VELOCITY + _DRIVE] += scratch[first + 3] * spin
-    scratch[_FREE + _DRIVE] += scratch[first + 3] * pull
+    for lane in range(gear.lanes):
+        scratch[_VELOCITY + CONTACTS + lane] += gear.share[wheel, lane] * spin
+        scratch[_FREE + CONTACTS + lane] += gear.share[wheel, lane] * pull
     forward: float = abs(scratch[_MOVES])
     return forward
 
 
 @kernel
 def _half_solve(
-    data: int, found: Fields, inertia: Inertia, tire: Any, wheel: int, dofs: int, scratch: FloatArray
+    data: int, found: Fields, inertia: Inertia, gear: Any, tire: Any, wheel: int, dofs: int, scratch: FloatArray
 ) -> None:
     """Write D^-1/2 L^-T times the rows of a wheel, where MuJoCo's inertia is L' D L, as far as its own dofs go.
 
@@ -336,7 +348,8 @@ def _half_solve(
         common = _COMMON + LANES * tire.common[link]
         for i in range(3):
             scratch[common + 3 * wheel + i] = scratch[halves + 4 * link + i]
-        scratch[common + _DRIVE] += scratch[halves + 4 * link + 3]
+        for lane in range(gear.lanes):
+            scratch[common + CONTACTS + lane] += gear.share[wheel, lane] * scratch[halves + 4 * link + 3]
 
 
 @kernel
@@ -357,37 +370,103 @@ def _half_solve_common(
 
 @kernel
 def _mobility(gear: Any, tires: TireRows, short: float, scratch: FloatArray) -> None:
-    """Write by how much each force changes each velocity in a short step (CONTACTS, LANES)."""
-    for i in range(LANES * CONTACTS):
+    """Write by how much each force changes each velocity in a short step (LANES, LANES), as far as there are some."""
+    rows = CONTACTS + gear.lanes
+    for i in range(LANES * rows):
         scratch[_MOBILITY + i] = scratch[_ODD + i] = 0.0
     for place in range(gear.commons):
         sums, row = _ODD if place % 2 == 1 else _MOBILITY, _COMMON + LANES * place
-        for i in range(CONTACTS):
+        for i in range(rows):
             add_scaled_16(scratch, sums + LANES * i, row, scratch[row + i])
-    for i in range(LANES * CONTACTS):
+    for i in range(LANES * rows):
         scratch[_MOBILITY + i] += scratch[_ODD + i]
-    drive = _MOBILITY + LANES * _DRIVE
     for k in range(len(tires)):
-        block = _MOBILITY + (LANES + 1) * 3 * k
+        block, along = _MOBILITY + (LANES + 1) * 3 * k, _MOBILITY + LANES * 3 * k + CONTACTS
         for link in range(tires[k].own_links):
             own = _HALVES + 64 * k + 4 * link
-            x, y, z, pull = scratch[own], scratch[own + 1], scratch[own + 2], scratch[own + 3]
+            x, y, z, spin = scratch[own], scratch[own + 1], scratch[own + 2], scratch[own + 3]
             scratch[block] += x * x
             scratch[block + LANES] += y * x
             scratch[block + LANES + 1] += y * y
             scratch[block + 2 * LANES] += z * x
             scratch[block + 2 * LANES + 1] += z * y
             scratch[block + 2 * LANES + 2] += z * z
-            scratch[drive + 3 * k] += pull * x
-            scratch[drive + 3 * k + 1] += pull * y
-            scratch[drive + 3 * k + 2] += pull * z
-            scratch[drive + _DRIVE] += pull * pull
+            for i in range(gear.lanes):
+                turned = gear.share[k, i] * spin
+                scratch[along + i] += turned * x
+                scratch[along + LANES + i] += turned * y
+                scratch[along + 2 * LANES + i] += turned * z
+                for j in range(gear.lanes):
+                    scratch[_MOBILITY + (LANES + 1) * CONTACTS + LANES * i + j] += turned * gear.share[k, j] * spin
         for i in range(3):
             for j in range(i):
                 scratch[block + LANES * j + i] = scratch[block + LANES * i + j]
-            scratch[block + LANES * i + _DRIVE - 3 * k] = scratch[drive + 3 * k + i]
-    for i in range(LANES * CONTACTS):
+            for j in range(gear.lanes):
+                scratch[_MOBILITY + LANES * (CONTACTS + j) + 3 * k + i] = scratch[along + LANES * i + j]
+    for i in range(LANES * rows):
         scratch[_MOBILITY + i] *= short
+
+
+@kernel
+def _tie(gear: Any, short: float, scratch: FloatArray) -> None:
+    """Take the rigid ties of the drive line, and the inertia of its motor, out of mobility, free motion and velocities.
+
+    Written for each is, besides, what `_add_tie_forces` reads (20,): its row of the mobility, by what that is divided,
+    the free motion along it in a short step, and the velocity that it has to take away.
+    """
+    for i in range(gear.lanes):
+        if gear.give[i] >= 0.0:
+            lane, row = CONTACTS + i, _TIED + 20 * i
+            for j in range(LANES):
+                scratch[row + j] = scratch[_MOBILITY + LANES * lane + j]
+            size = scratch[row + lane] + short * gear.give[i]
+            free, wrong = scratch[_FREE + lane], scratch[_VELOCITY + lane] if gear.give[i] == 0.0 else 0.0
+            scratch[row + LANES], scratch[row + LANES + 1], scratch[row + LANES + 2] = size, free, wrong
+            add_scaled_16(scratch, _FREE, row, -free / size)
+            add_scaled_16(scratch, _VELOCITY, row, -wrong / size)
+            for j in range(CONTACTS + gear.lanes):
+                add_scaled_16(scratch, _MOBILITY + LANES * j, row, -scratch[row + j] / size)
+
+
+@kernel
+def _add_tie_forces(gear: Any, forces: int, steps: float, scratch: FloatArray) -> None:
+    """Add to sums of forces over so many short steps (LANES,) those that `_tie` has left out."""
+    for i in range(gear.lanes - 1, -1, -1):  # what was taken out last knows of no other
+        if gear.give[i] >= 0.0:
+            row = _TIED + 20 * i
+            moved = steps * scratch[row + LANES + 1] + scratch[row + LANES + 2]
+            for j in range(CONTACTS + gear.lanes):
+                moved += scratch[row + j] * scratch[forces + j]
+            scratch[forces + CONTACTS + i] -= moved / scratch[row + LANES]
+
+
+@kernel
+def _spin_torque(gear: Any, wheel: int, forces: int, scratch: FloatArray) -> float:
+    """Return the torque on a wheel of forces of the drive line [N m]."""
+    torque = 0.0
+    for i in range(gear.lanes):
+        torque += gear.share[wheel, i] * scratch[forces + CONTACTS + i]
+    return torque
+
+
+@kernel
+def _hold_clutches(gear: Any, before: float, scratch: FloatArray) -> None:
+    """Let the clutches hold their axles, as far as they can: write their forces, and move the velocities by them.
+
+    `before` is the motor's force that MuJoCo has counted already [N].
+    """
+    for j in range(LANES):
+        scratch[_THROUGH + j] = scratch[_FORCE + j]
+    _add_tie_forces(gear, _THROUGH, 1.0, scratch)
+    scratch[_THROUGH + CONTACTS] += before
+    for i in range(gear.lanes):
+        if gear.preload[i] >= 0.0:
+            lane, first = CONTACTS + i, 0 if gear.share[0, i] != 0.0 else 2
+            through = _spin_torque(gear, first, _THROUGH, scratch) + _spin_torque(gear, first + 1, _THROUGH, scratch)
+            most, row = gear.preload[i] + gear.ramp[i] * abs(through), _MOBILITY + LANES * lane
+            held = min(max(-scratch[_VELOCITY + lane] / scratch[row + lane], -most), most)
+            scratch[_FORCE + lane] = held
+            add_scaled_16(scratch, _VELOCITY, row, held)
 
 
 @kernel

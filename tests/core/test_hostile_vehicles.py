@@ -119,8 +119,8 @@ VEHICLES = {
         swapped(('damping="0.954"', 'damping="0"'), ('damping="0.023"', 'damping="0"')),
         "damping of the steering is 0",
     ),
-    "a drive without gain": (swapped(('kv="40.232"', 'kv="0"')), "gain of actuator 'speed' is 0"),
-    "a drive without radius": (swapped(('coef="0.01225"', 'coef="0"')), "the sum of tendon 'drive' is 0"),
+    "a drive without gain": (swapped(('kv="41.4816"', 'kv="0"')), "gain of actuator 'speed' is 0"),
+    "a drive without radius": (swapped(('coef="0.01225"', 'coef="0"')), "tendon 'drive' has the spin of no wheel"),
     "free bodies": (swapped(("</worldbody>", FREE * 300 + "</worldbody>")), "degrees of freedom"),
     "things in each other": (
         swapped(("</worldbody>", FREE * 20 + "</worldbody>"), ('memory="2M"', 'memory="1G"')), "contacts at rest"

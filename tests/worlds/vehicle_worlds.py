@@ -1,5 +1,6 @@
 """Vehicles for the tests: the bundled ones, one that is made of ours, and files that are none."""
 
+import re
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -57,3 +58,11 @@ def drive(vehicle, track, laps):
         engine.drive()
         engine.judge()
     return END_REASONS[engine.monitor.reasons[0]], statistics_figures(engine.statistics[0])
+
+
+def with_drive_line(text, **texts):
+    """Return the text of a vehicle with other data of its drive line, as centre="open" and rear_axle="locked"."""
+    for name, data in texts.items():
+        text, found = re.subn(rf'(<(?:text|numeric) name="{name}" data=)"[^"]*"', rf'\1"{data}"', text)
+        assert found == 1, name
+    return text

@@ -24,6 +24,7 @@ from fg_mujoco.course.writing import write_file
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.command_response import ACCELERATION_MAP, STEERING_MAP
+from fg_mujoco.vehicle.drive_line import DriveLine
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 from .identification import Identification
@@ -136,7 +137,8 @@ def _speed(root: ElementTree.Element, found: Identification, vehicle: Vehicle) -
     if isinstance(speed, str):
         return []
     car = found.drives[0].car
-    effective_mass = car.mass + 4.0 * car.wheel_inertia / car.wheel_radius**2
+    turning = 4.0 * car.wheel_inertia + DriveLine.of_spec(vehicle.spec()).motor_inertia
+    effective_mass = car.mass + turning / car.wheel_radius**2
     element = _servo(root, "speed", "velocity", vehicle)
     if speed.delay[0] > 0.5 * _STEP and not speed.accelerations:
         _delayed(element, speed.delay[0])

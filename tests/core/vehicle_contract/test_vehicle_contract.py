@@ -80,7 +80,7 @@ def test_it_stands_and_rolls_on_four_tires_that_do_not_slide(name, speed, tires)
     if tires == "f1tenth_gym":  # which has no peak
         assert np.isnan(slip.sliding_speed).all() and np.isfinite(slip.normal_force).all()
     else:
-        assert np.isfinite(slip.sliding_speed).all() and slip.sliding_speed.max() < 5e-3
+        assert np.isfinite(slip.sliding_speed).all() and slip.sliding_speed.max() < 8e-3  # axles roll on two radii
     loads, settled = slip.normal_force.sum(axis=1), 0 if name == "f1tenth" or tires == "contact" else 20
     # a set's springs are those of f1tenth, so that another car first sinks by some .1 mm
     assert loads[settled:] == pytest.approx(car.parameters.mass * 9.81, rel=0.03)
