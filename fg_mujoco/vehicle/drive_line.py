@@ -5,7 +5,8 @@ The tendon `drive` of a vehicle's MJCF has the wheels that are driven, and <cust
     <text name="centre" data="shaft"/>
     <text name="front_axle" data="open"/>
     <text name="rear_axle" data="limited 0.05 0.3"/>
-    <numeric name="motor_inertia" data="0.00024"/>
+    <numeric name="motor_inertia" data="0.0003"/>
+    <numeric name="drag_brake" data="1.5"/>
 
 - `centre`, of a car that drives both axles: `open` (a differential: the torques have the shares of the tendon) or
   `shaft` (both axles turn alike, and each takes the torque that its tires hold).
@@ -16,9 +17,10 @@ The tendon `drive` of a vehicle's MJCF has the wheels that are driven, and <cust
 - `motor_inertia` [kg m^2]: of all that turns with the motor, about the axis of the driven wheels: the rotor's times the
   square of the gear ratio.
 
-Where nothing is said, all is open, and the motor has no inertia. MJCF has words of its own for what brakes: the
-`frictionloss` [N] of the tendon is the drag brake, which is there whatever the servo does, and the `forcerange` of the
-servo ends its braking.
+- `drag_brake` [N]: force at the ground against the motion of the drive, whatever its servo does: friction of gears and
+  bearings, the motor's cogging, and the drag brake that an ESC is set to.
+
+Where nothing is said, all is open, and the motor has neither inertia nor drag.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ _LEFT, _RIGHT = "left", "right"
 _WHEELS = tuple(f"{axle}_{side}" for axle in AXLES for side in (_LEFT, _RIGHT))
 _OF_AXLE = "'open', 'locked', or 'limited PRELOAD RAMP', of a preload [N m] and a ramp [-] from 0, not both 0"
 _BOTH_WHEELS = "the spins of both wheels of the front axle, of the rear axle, or of both, by positive coefficients"
+_NUMBERS = {"motor_inertia": "kg m^2", "drag_brake": "N"}
 _TIED = "drive_line_"  # how the names begin of what `tie_on_contacts` adds
 
 
@@ -75,6 +78,7 @@ class DriveLine:
       front: axle.
       rear: axle.
       motor_inertia: about the axis of the driven wheels [kg m^2].
+      drag_brake: force at the ground against the motion of the drive [N].
     """
 
     shares: Mapping[str, float]
@@ -82,6 +86,7 @@ class DriveLine:
     front: Axle
     rear: Axle
     motor_inertia: float
+    drag_brake: float
 
     @property
     def driven(self) -> tuple[str, ...]:
@@ -115,27 +120,34 @@ class DriveLine:
             start = int(model.text_adr[found])
             return None if found < 0 else bytes(model.text_data[start : start + model.text_size[found] - 1]).decode()
 
-        number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}motor_inertia")
-        inertia = float(model.numeric_data[model.numeric_adr[number]]) if number >= 0 else 0.0
-        return cls._read(shares, text, inertia)
+        def number(name: str) -> float:
+            found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, prefix + name)
+            return float(model.numeric_data[model.numeric_adr[found]]) if found >= 0 else 0.0
+
+        return cls._read(shares, text, number)
 
     @classmethod
     def of_spec(cls, spec: Any) -> DriveLine:
         """Return that of a vehicle's mujoco.MjSpec; raises as `of`."""
         shares = {wrap.target.name: float(wrap.coef) for wrap in spec.tendon("drive").path}
-        number, texts = spec.numeric("motor_inertia"), {text.name: str(text.data) for text in spec.texts}
-        return cls._read(shares, texts.get, 0.0 if number is None else float(number.data[0]))
+        texts = {text.name: str(text.data) for text in spec.texts}
+        numbers = {number.name: float(number.data[0]) for number in spec.numerics if number.name in _NUMBERS}
+        return cls._read(shares, texts.get, lambda name: numbers.get(name, 0.0))
 
     @classmethod
-    def _read(cls, spins: Mapping[str, float], text: Callable[[str], str | None], inertia: float) -> DriveLine:
+    def _read(
+        cls, spins: Mapping[str, float], text: Callable[[str], str | None], number: Callable[[str], float]
+    ) -> DriveLine:
         shares = {wheel: spins.get(f"{wheel}_wheel", 0.0) for wheel in _WHEELS}
         pairs = [(shares[f"{axle}_{_LEFT}"], shares[f"{axle}_{_RIGHT}"]) for axle in AXLES]
         if any((left > 0.0) != (right > 0.0) or left < 0.0 or right < 0.0 for left, right in pairs):
             raise ModelError(f"tendon 'drive' has {_told(shares)}; accepted: {_BOTH_WHEELS}")
         if not any(shares.values()):
             raise ModelError(f"tendon 'drive' has the spin of no wheel; accepted: {_BOTH_WHEELS}")
-        if not 0.0 <= inertia < math.inf:
-            raise ModelError(f"numeric 'motor_inertia' is {inertia:g}; accepted: a number from 0 [kg m^2]")
+        numbers = {name: number(name) for name in _NUMBERS}
+        for name, value in numbers.items():
+            if not 0.0 <= value < math.inf:
+                raise ModelError(f"numeric {name!r} is {value:g}; accepted: a number from 0 [{_NUMBERS[name]}]")
         centre = text("centre")
         if centre not in (None, "open", "shaft"):
             raise ModelError(f"text 'centre' is {centre!r}; accepted: 'open' or 'shaft'")
@@ -145,7 +157,7 @@ class DriveLine:
                 "four spins"
             )
         front, rear = (_axle(f"{axle}_axle", text(f"{axle}_axle")) for axle in AXLES)
-        return cls(shares=shares, shaft=centre == "shaft", front=front, rear=rear, motor_inertia=inertia)
+        return cls(shares=shares, shaft=centre == "shaft", front=front, rear=rear, **numbers)
 
 
 def _told(shares: Mapping[str, float]) -> str:
@@ -197,12 +209,12 @@ def tie_on_contacts(spec: Any) -> None:
         elif axle.preload > 0.0:
             tendon = _add_tendon(spec, name, {left: 0.5, right: -0.5})
             spec.tendon(tendon).frictionloss = axle.preload
-    number = spec.numeric("motor_inertia")
-    if number is not None:
-        spec.delete(number)
-        for wheel in _WHEELS:
-            if line.shares[wheel] > 0.0:
-                spec.joint(f"{wheel}_wheel").armature += line.motor_inertia / (2 * len(line.driven))
+    for number in [number for number in spec.numerics if number.name in _NUMBERS]:
+        spec.delete(number)  # so that a spec that is read again does not have both twice
+    spec.tendon("drive").frictionloss += line.drag_brake
+    for wheel in _WHEELS:
+        if line.shares[wheel] > 0.0:
+            spec.joint(f"{wheel}_wheel").armature += line.motor_inertia / (2 * len(line.driven))
 
 
 _HARD = {"solref": (0.01, 1.0), "solimp": (0.99, 0.999, 0.001, 0.5, 2.0)}  # twice a physics step: MuJoCo has no harder

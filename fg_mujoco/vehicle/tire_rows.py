@@ -104,7 +104,7 @@ GEAR = np.dtype(
         ("lanes", np.int64),  # how many speeds of the drive line are followed, that of the drive first; see `push_car`
         ("share", np.float64, (4, 4)),  # of each wheel's spin in each of them
         ("give", np.float64, (4,)),  # of what ties each: 0 rigid, else an inverse inertia; negative: nothing does
-        ("preload", np.float64, (4,)),  # [N m] of a clutch that holds each; negative: none does
+        ("preload", np.float64, (4,)),  # [N m] of a clutch that holds each, [N] of the drag brake; negative: none does
         ("ramp", np.float64, (4,)),  # [-] of the torque through its axle
         ("clutches", np.int64),
         # of the two servos, steering and drive
@@ -227,6 +227,9 @@ def _require_plain_contact(model: mujoco.MjModel, prefix: str, wheels: Sequence[
 def _require_free_spins(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> None:
     """Refuse equalities of the wheels' spins: they act once a physics step, in which a tire answers many times."""
     spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in wheels]
+    loss = float(model.tendon_frictionloss[element_id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")])
+    if loss > 0.0:
+        raise ModelError(f"tendon 'drive' has frictionloss {loss:g}; accepted: a numeric 'drag_brake' [N] in <custom>")
     for equality in range(model.neq):
         ends, tied = (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])), set[int]()
         if model.eq_type[equality] == mujoco.mjtEq.mjEQ_JOINT:
@@ -420,6 +423,8 @@ def _find_drive_line(gear: Any, line: DriveLine) -> None:
     gear["wheel_radius"] = line.wheel_radius
     shares = np.array([line.shares[wheel] for wheel in WHEELS])
     gear["share"][:, 0] = shares
+    if line.drag_brake > 0.0:
+        gear["preload"][0], gear["clutches"] = line.drag_brake, 1
     if line.motor_inertia > 0.0:
         gear["give"][0] = line.wheel_radius**2 / line.motor_inertia
     if line.shaft:

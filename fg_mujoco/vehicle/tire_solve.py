@@ -158,7 +158,7 @@ def push_car(
     _half_solve_common(data, found, inertia, gear, dofs, scratch)
     _mobility(gear, tires, short, scratch)
     _tie(gear, short, scratch)
-    gain = bias = slope = damping = length = before = least = most = 0.0
+    gain = bias = slope = damping = length = before = least = most = pull = 0.0
     motor = gear.actuator[1]
     if gear.lanes > 0:
         before = stages.vector(data, found.actuator_force, motor + 1)[motor]
@@ -199,7 +199,8 @@ def push_car(
             pull = min(max(gain + bias + slope * length + damping * speed, least), most)
             if unlikely(pull * speed > gear.power):
                 pull = gear.power / speed
-            scratch[_FORCE + CONTACTS] = pull - before
+            pull -= before
+            scratch[_FORCE + CONTACTS] = pull
             length += short * speed
         for i in range(LANES):
             scratch[_EVEN + i], scratch[_ODD + i] = scratch[_FREE + i], 0.0  # two sums go on at a time
@@ -210,7 +211,7 @@ def push_car(
         add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * CONTACTS, scratch[_FORCE + CONTACTS])
         add_scaled_16(scratch, _VELOCITY, _EVEN, 1.0)
         if unlikely(gear.clutches > 0):
-            _hold_clutches(gear, before, scratch)
+            _hold_clutches(gear, pull, before, scratch)
         add_scaled_16(scratch, _MEAN, _FORCE, 1.0)
         for k in range(wheels):
             scratch[_DEPTH + k] -= short * scratch[_VELOCITY + 3 * k + 2]
@@ -450,16 +451,21 @@ def _spin_torque(gear: Any, wheel: int, forces: int, scratch: FloatArray) -> flo
 
 
 @kernel
-def _hold_clutches(gear: Any, before: float, scratch: FloatArray) -> None:
-    """Let the clutches hold their axles, as far as they can: write their forces, and move the velocities by them.
+def _hold_clutches(gear: Any, pull: float, before: float, scratch: FloatArray) -> None:
+    """Let the drag brake and clutches hold what they can: write their forces, and move the velocities by them.
 
-    `before` is the motor's force that MuJoCo has counted already [N].
+    `pull` is the motor's force besides what MuJoCo has counted already, which is `before` [N].
     """
+    if gear.preload[0] >= 0.0:
+        row = _MOBILITY + LANES * CONTACTS
+        held = min(max(-scratch[_VELOCITY + CONTACTS] / scratch[row + CONTACTS], -gear.preload[0]), gear.preload[0])
+        scratch[_FORCE + CONTACTS] = pull + held
+        add_scaled_16(scratch, _VELOCITY, row, held)
     for j in range(LANES):
         scratch[_THROUGH + j] = scratch[_FORCE + j]
     _add_tie_forces(gear, _THROUGH, 1.0, scratch)
     scratch[_THROUGH + CONTACTS] += before
-    for i in range(gear.lanes):
+    for i in range(1, gear.lanes):
         if gear.preload[i] >= 0.0:
             lane, first = CONTACTS + i, 0 if gear.share[0, i] != 0.0 else 2
             through = _spin_torque(gear, first, _THROUGH, scratch) + _spin_torque(gear, first + 1, _THROUGH, scratch)

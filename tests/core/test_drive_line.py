@@ -112,14 +112,14 @@ def test_split_friction_turns_the_car_as_its_mirror_image(lines):
 
 @each("tires", ["coulomb", "contact"])
 @each("lines", [{}, {"centre": "open"}])
-def test_the_friction_of_the_tendon_is_a_drag_brake(tires, lines):
+def test_a_drag_brake_slows_a_car_that_coasts_and_then_holds_it(tires, lines):
     """A motor that does nothing, and F over the mass with what turns."""
-    model = model_of(tires=tires, **lines)
+    model = model_of(tires=tires, drag_brake=4, **lines)
     motor = model.actuator("speed").id
     model.actuator_gainprm[motor, 0], model.actuator_biasprm[motor, 2] = 1e-9, -1e-9
-    model.tendon_frictionloss[model.tendon("drive").id] = 4.0
-    rows = driven(model, 3.0, 0.0, 0.8)
-    assert rows[0, 1] - rows[-1, 1] == pytest.approx(0.8 * 4.0 / 4.14816, rel=0.01)
+    rows = driven(model, 1.0, 0.0, 2.0)
+    slowed = rows[0, 1] - rows[100, 1]
+    assert slowed == pytest.approx(0.5 * 4.0 / 4.14816, rel=0.01) and np.abs(rows[-1, 1:6]).max() < 1e-3
 
 
 def in_the_air(model, spins, force=0.0, steps=40):
