@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from .autodrive.devkit import DevKit
 
-_RULES = "autodrive_2026"
+_RULES, _VEHICLE = "autodrive_2026", "autodrive"
 _MOST_RACES = 100  # that resets of a DevKit begin
 
 
@@ -128,7 +128,7 @@ def _log(line: str) -> None:
         "127.0.0.1:4567", "HOST[:PORT]", action="append",
     ),
     option(
-        "--real-time", "a tick takes 25 ms and holds the last command; default: it waits for the DevKit's answer"
+        "--real-time", "a tick takes 25 ms and holds the last command; default: each packet waits for its answer"
     ),
     option(
         "--patience", "time without an answer after which the DevKit counts as gone [s]; default: 10", "S", number
@@ -137,6 +137,7 @@ def _log(line: str) -> None:
     setup_options(
         but=("controller", "decision_limit"),
         rules=f"of race control: {{names}}; default: {_RULES}, as the league has them",
+        vehicle=f"{{names}}, or a file or folder of one; default: {_VEHICLE}, the league's",
     ),
     out_options(RUN, "write a run folder here; where the DevKit resets, folders 1, 2, ... in it"),
     CONFIG,
@@ -149,6 +150,8 @@ def _autodrive(options: argparse.Namespace) -> int:
 
     if not hasattr(options, "rules"):
         options.rules = _RULES
+    if not hasattr(options, "vehicle") and getattr(options, "setup", None) is None:
+        options.vehicle = _VEHICLE
     setup = setup_of(options)
     picture = options.out is not None and check_out(options.out)
     patience = PATIENCE if options.patience is None else options.patience

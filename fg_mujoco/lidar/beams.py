@@ -49,6 +49,7 @@ class Beams:
     range_max: float  # [m]
     period: float  # [s] from one sweep to the next
     time_increment: float  # [s] from one beam to the next
+    level: bool = False  # whether they do not tilt with the car
 
     def __post_init__(self) -> None:
         for name in ("directions", "origins", "bearings"):
@@ -122,7 +123,8 @@ class LidarModel:
 
     `LidarModel.load` makes one from a file, and checks it. The MJCF has one body in the world, with a frame `beams`
     that holds the site of each beam, rightmost first; a rangefinder on each site, whose `cutoff` is the greatest range
-    [m] and whose `interval` is the time between two sweeps [s]; and a number `range_min` [m].
+    [m] and whose `interval` is the time between two sweeps [s]; and a number `range_min` [m]. A number `level` of 1, as
+    a simulator's LiDAR may have it, keeps its beams level while the car rolls and pitches.
 
     Attributes:
       file: a file of models/, or an absolute path.
@@ -167,10 +169,11 @@ class LidarModel:
             angle_min=float(bearings[0]),
             angle_max=float(bearings[-1]),
             angle_increment=increment,
-            range_min=float(model.numeric("range_min").data[0]),
+            range_min=_number(model, "range_min", 0.0),
             range_max=float(model.sensor_cutoff[0]),
             period=period,
             time_increment=period * increment / math.tau,  # the mirror turns once in a period
+            level=_number(model, "level", 0.0) == 1.0,
         )
 
     def spec(self, *, sensors: bool = True) -> Any:
@@ -303,6 +306,12 @@ def _checked(file: str, text: str) -> LidarModel:
     if kept is not None:
         write_kept(kept, pickle.dumps((model, lidar._without_sensors.to_xml())))
     return lidar
+
+
+def _number(model: Any, name: str, otherwise: float) -> float:
+    """Return a numeric of a model, or what counts where there is none."""
+    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
+    return otherwise if found < 0 else float(model.numeric_data[model.numeric_adr[found]])
 
 
 def _kept_file(text: str) -> Path | None:

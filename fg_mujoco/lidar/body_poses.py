@@ -21,7 +21,7 @@ PoseArrays = tuple[NDArray[np.int32], FloatArray, FloatArray, FloatArray, FloatA
 StateArrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 """qpos, mocap_pos, mocap_quat, xpos and xmat, as in a mujoco.MjData."""
 
-_FREE_JOINT, _MOCAP, _KINEMATICS = 0, 1, 2  # what a pose follows from
+_FREE_JOINT, _MOCAP, _KINEMATICS, _LEVEL = 0, 1, 2, 3  # what a pose follows from; of a free joint that stays level
 _LEAST_NORM = 1e-15  # mjMINVAL: MuJoCo takes shorter quaternions for no rotation
 
 
@@ -31,6 +31,7 @@ class Mount(NamedTuple):
     qpos_address: int  # of the free joint
     offset_position: FloatArray  # (3,) [m] in the free body's frame
     offset_rotation: FloatArray  # (3, 3) into the free body's frame
+    level: bool  # whether it does not tilt with the free body
 
 
 class BodyPoses:
@@ -39,6 +40,7 @@ class BodyPoses:
     Args:
       model: the compiled mujoco.MjModel.
       bodies: their ids.
+      level: whether the first of them, on a free body, does not tilt with it.
 
     Attributes:
       positions: (m, 3) [m], world frame, as of the last `read`.
@@ -46,7 +48,7 @@ class BodyPoses:
       arrays: what `read_poses` wants, these two among it.
     """
 
-    def __init__(self, model: Any, bodies: tuple[int, ...]) -> None:
+    def __init__(self, model: Any, bodies: tuple[int, ...], *, level: bool = False) -> None:
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         count = len(bodies)
@@ -56,7 +58,7 @@ class BodyPoses:
             root = int(model.body_weldid[body])  # the body that it is fixed to, or itself
             joint = int(model.body_jntadr[root])
             if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
-                sources[index] = _FREE_JOINT, model.jnt_qposadr[joint]
+                sources[index] = _LEVEL if level and index == 0 else _FREE_JOINT, model.jnt_qposadr[joint]
             elif model.body_mocapid[root] >= 0:
                 sources[index] = _MOCAP, model.body_mocapid[root]
             else:
@@ -76,9 +78,9 @@ class BodyPoses:
         """Return the mount of the body of this index on that of a free joint; None where it has none."""
         sources, offset_positions, offset_rotations, _, _ = self.arrays
         kind, address = sources[index]
-        if kind != _FREE_JOINT:
+        if kind not in (_FREE_JOINT, _LEVEL):
             return None
-        return Mount(int(address), offset_positions[index].copy(), offset_rotations[index].copy())
+        return Mount(int(address), offset_positions[index].copy(), offset_rotations[index].copy(), bool(kind == _LEVEL))
 
 
 def state_arrays(data: Any) -> StateArrays:
@@ -97,21 +99,25 @@ def rotated(vectors: FloatArray, quaternions: FloatArray) -> FloatArray:
 @kernel
 def mounted_pose(
     pose: tuple[float, ...],
+    level: bool,
     offset_position: FloatArray,
     offset_rotation: FloatArray,
     position: FloatArray,
     rotation: FloatArray,
 ) -> None:
-    """Write the pose of what is fixed to a free body: as mj_kinematics works it out, to rounding.
+    """Write the pose of what is fixed to a free body: as mj_kinematics works it out, to rounding, or kept level.
 
     Args:
       pose: (7,) of the free body: position [m] and quaternion wxyz, as a free joint has them in `qpos`.
+      level: whether it turns about the vertical with the free body, and does not tilt with it.
       offset_position: (3,) [m] in the free body's frame.
       offset_rotation: (3, 3) into the free body's frame.
       position: (3,) [m], world frame, written to.
       rotation: (3, 3) into the world's frame, written to.
     """
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
+    if level:
+        x = y = 0.0
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if norm < _LEAST_NORM:
         w, x, y, z, norm = 1.0, 0.0, 0.0, 0.0, 1.0
@@ -146,9 +152,9 @@ def read_poses(poses: PoseArrays, state: StateArrays) -> None:
                 for k in range(3):
                     rotations[i, j, k] = xmat[place, 3 * j + k]
             continue
-        if kind == _FREE_JOINT:
+        if kind != _MOCAP:
             p, q = qpos[place : place + 3], qpos[place + 3 : place + 7]
         else:
             p, q = mocap_pos[place], mocap_quat[place]
         pose = (p[0], p[1], p[2], q[0], q[1], q[2], q[3])
-        mounted_pose(pose, offset_positions[i], offset_rotations[i], positions[i], rotations[i])
+        mounted_pose(pose, kind == _LEVEL, offset_positions[i], offset_rotations[i], positions[i], rotations[i])

@@ -63,13 +63,15 @@ class RangefinderLidar:
     the simulation's state, as it was.
 
     Raises:
-      ModelError: no LiDAR under this prefix, or not with the beams of its file.
+      ModelError: no LiDAR under this prefix, not with the beams of its file, or one that stays level.
     """
 
     def __init__(self, model: Any, prefix: str = "") -> None:
         lidar = lidar_of(model, prefix)
         self.beams = lidar.beams
         self._model = model
+        if self.beams.level:
+            raise ModelError(f"LiDAR file {lidar.file} stays level, which rangefinders do not; accepted: raycast")
         body = lidar_body(model, prefix)
         rangefinders = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
         sensors = rangefinders[model.site_bodyid[model.sensor_objid[rangefinders]] == body]
@@ -126,7 +128,7 @@ class RaycastLidar:
         self.model = model
         self.body = lidar_body(model, prefix)
         self.scene = ScanlineScene(model, self.beams, self.body)
-        self._poses = BodyPoses(model, (self.body, *self.scene.moving))
+        self._poses = BodyPoses(model, (self.body, *self.scene.moving), level=self.beams.level)
         self.mount = self._poses.mount(0)
         self.draws = is_scanline(self.beams)
         self._arrays, self._scratch = tuple(self.scene.arrays), tuple(self.scene.scratch())
@@ -181,7 +183,8 @@ def _scan_state(
 
 def lidar_mount(model: Any, prefix: str = "") -> Mount | None:
     """Return the mount of a compiled model's LiDAR of a prefix on the body of a free joint; None where it has none."""
-    return BodyPoses(model, (lidar_body(model, prefix),)).mount(0)
+    level = lidar_of(model, prefix).beams.level
+    return BodyPoses(model, (lidar_body(model, prefix),), level=level).mount(0)
 
 
 def make_lidar(backend: str, model: Any, prefix: str = "") -> Lidar:

@@ -22,7 +22,7 @@ from ..messages import CarParameters, Controller, FloatArray, MapLine, shown
 from ..simulation.cars import GREATEST_CARS, WorldCar, first_overlap
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import DriveSettings, Start
-from .planners import build_controller, make_controller, split_controller
+from .planners import build_controller, make_controller, split_controller, usual_vehicle
 
 GRIDS = ("staggered", "side_by_side", "behind")
 
@@ -68,6 +68,10 @@ class Entry(DriveSettings):
             raise SettingsError(f"Entry.name is {shown(name)}, a verdict of race control; accepted: another name")
         if self.patches:
             raise SettingsError("Entry.patches is set; accepted: `patches` of the race, whose floor it is")
+
+    def _usual_vehicle(self) -> str:
+        """Return the vehicle that the planner is for, or else the default one."""
+        return usual_vehicle(self.controller) or super()._usual_vehicle()
 
     def like(self, controller: str, *, max_speed: float | None = None) -> Entry:
         """Return the entry of another planner in a car that is set as this one; `max_speed` None: its own [m/s]."""

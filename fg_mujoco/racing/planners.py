@@ -71,6 +71,7 @@ class PlannerScheme:
 
     find: Callable[[str], type]  # returns a class of planners
     code: Callable[[str], bytes]  # returns the code that the text names, unexecuted
+    vehicle: Callable[[bytes], str | None] = lambda code: None  # returns which vehicle such code is for; None: any
 
 
 SCHEMES: Registry[PlannerScheme] = Registry("scheme", ControllerError, own=added("SCHEMES"))
@@ -117,6 +118,18 @@ def code_of(source: str) -> bytes | None:
     if path is None:
         return None
     return SCHEMES.find(scheme).code(source) if scheme else path.read_bytes()
+
+
+def usual_vehicle(controller: str | Controller) -> str | None:
+    """Return the vehicle that the code of a controller of a scheme is for; None: any, or it cannot be read."""
+    try:
+        source, _ = split_controller(controller, None)
+        if isinstance(source, str) and (scheme := scheme_of(source)):
+            found = SCHEMES.find(scheme)
+            return found.vehicle(found.code(source))
+    except (ControllerError, OSError):  # which is told when the planner is made
+        pass
+    return None
 
 
 def moved_to(source: str, path: str | Path) -> str:

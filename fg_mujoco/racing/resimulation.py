@@ -32,7 +32,7 @@ from ..simulation.cars import car_prefix
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.physics import STATE, whole_steps
-from ..simulation.planner_adapter import OtherCar, Surroundings, odometry_message, start
+from ..simulation.planner_adapter import OtherCar, Surroundings, odometry_message, start, up_of
 from ..simulation.settings import DriveSettings
 from ..simulation.world import World
 from ..vehicle.car import car_parameters
@@ -85,7 +85,9 @@ class Tick:
 
     def surroundings(self, world: World) -> Surroundings:
         """Return the surroundings of car 0 of a world at the start of the tick, for planners with `look_round`."""
-        return Surroundings(world=world, others=tuple(_other_car(sensed) for sensed in self.sensed_by_each[1:]))
+        others = tuple(_other_car(sensed) for sensed in self.sensed_by_each[1:])
+        up = up_of(self.sensed.quaternion) if self.sensed is not None else (0.0, 0.0, 1.0)
+        return Surroundings(world=world, others=others, up=up)
 
 
 @contextmanager

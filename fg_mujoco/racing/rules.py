@@ -46,10 +46,10 @@ class Rules:
 RULES = {
     "none": Rules(name="none"),
     "roboracer_2026": Rules(name="roboracer_2026", free_displacement=0.05),
-    "autodrive_2026": Rules(name="autodrive_2026", checkpoints=10, wall_penalty=10.0, most_wall_contacts=10),
+    "autodrive_2026": Rules(name="autodrive_2026", checkpoints=21, wall_penalty=10.0, most_wall_contacts=10),
 }
 """By name. Sources of the numbers: RoboRacer rules, version 3.2026-draft; rules of 2026 of the RoboRacer Sim Racing
-League, in AutoDRIVE's simulator, which do not say how many checkpoints a lap has: ten are assumed."""
+League, in AutoDRIVE's simulator; 21 checkpoints has its scene of ICRA 2026 (AutoDRIVE-Simulator at bb0c5018)."""
 
 
 @explain_class

@@ -55,6 +55,7 @@ from .world_step import (
     AXLES,
     CHASSIS_CONTACT,
     FIRST_TIRE,
+    LEVEL,
     MOUNT,
     TIRES,
     TREE,
@@ -86,7 +87,7 @@ NAMES = (
 Of the cars: `cars` (r,) of CAR, `timers` (r,) of LAP_TIMER, `odometry` (r,) of ODOMETRY, `telemetry`
 (r, len(TELEMETRY)), `statistics` (r,) of STATISTICS, `ranges` (r, beams) [m], `mu` (r, 4) of the tires, `touched_at`
 (r, m) when a car last touched each other of its world [s], and (r,) `running`, `failed` and `crashed`. Of a world of m
-cars: `car_places` (m, 6) see TREE, `touch_places` (m, m) where in the sensors two cars' touching is, `tires` (k,) of
+cars: `car_places` (m, 7) see LEVEL, `touch_places` (m, m) where in the sensors two cars' touching is, `tires` (k,) of
 TIRE, `links` of LINK, `motions` (obstacles, 8) of `motion_table`, and how the LiDARs are fixed to the cars,
 `offset_positions` (m, 3) [m] and `offset_rotations` (m, 3, 3). Of the steps of a tick: `records` (n, steps,
 nsensordata) as of a Batch, `tire_states` (n, steps, k USERDATA), and `slip` (QUANTITIES, steps, 4), room in which that
@@ -211,7 +212,8 @@ def sense(table: Table, which: Mask) -> None:
                 placed = world
             first = layout.qpos[0] + car_places[car, MOUNT]
             offset_position, offset_rotation = offset_positions[car], offset_rotations[car]
-            mounted_pose(state[first : first + 7], offset_position, offset_rotation, position, rotation)
+            pose, level = state[first : first + 7], car_places[car, LEVEL] == 1
+            mounted_pose(pose, level, offset_position, offset_rotation, position, rotation)
             scan(scene, position, rotation, moving, turned, scratch, ranges[row], car_places[car, TREE])
 
 

@@ -47,7 +47,7 @@ from .compiled_tick import (
     sense_all,
 )
 from .physics import whole_steps
-from .planner_adapter import BatchPlanners, Calls, Clock, Keeper, OtherCar, Planners, Reasons, Surroundings
+from .planner_adapter import BatchPlanners, Calls, Clock, Keeper, OtherCar, Planners, Reasons, Surroundings, up_of
 from .planner_failure import is_of_planner
 from .settings import Start
 from .slots import Share, Slots, ends_of_shares, parts_of, share_of, shared_out
@@ -255,7 +255,7 @@ class Engine(Uncopied):
             read_motions_all(share.tables, share.firsts, which, poses, velocities)
 
     def surroundings(self, row: int) -> Surroundings:
-        """Return the surroundings of a car: its world, its other cars, and whether it touches something."""
+        """Return the surroundings of a car: its world, its other cars, whether it touches something, and its tilt."""
         i, own = divmod(row, self.cars_per_world)
         qpos, qvel, others = self.qpos(i), self.qvel(i), []
         for other in range(row - own, row - own + self.cars_per_world):
@@ -264,7 +264,9 @@ class Engine(Uncopied):
                 x, y, heading, speed, _, yaw_rate = point_motion(qpos, qvel, 0.0, car)
                 others.append(OtherCar(pose=(x, y, heading), speed=speed, yaw_rate=yaw_rate))
         contact = bool(self.crashed[row] or self.touched_at[row].max() >= self.time(i))
-        return Surroundings(world=self.world_of(i), others=tuple(others), contact=contact)
+        turn = int(self._arrays.constants[row]["free_qpos"]) + 3
+        up = up_of(qpos[turn : turn + 4])
+        return Surroundings(world=self.world_of(i), others=tuple(others), contact=contact, up=up)
 
     def slip(self, i: int = 0) -> FloatArray:
         """Return the tire slip of the car that was driven last in the batch of world i, as TireSlip.values. Live.

@@ -100,6 +100,13 @@ class Surroundings:
     world: World
     others: tuple[OtherCar, ...]  # in the order of the cars of the world, without its own
     contact: bool = False  # whether the car has touched something in the last tick
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)  # the vertical, in the car's frame, which rolls and pitches
+
+
+def up_of(turn: FloatArray) -> tuple[float, float, float]:
+    """Return the world's z axis in the frame of a body whose orientation is a quaternion wxyz (4,)."""
+    w, x, y, z = turn.tolist()
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 class Cars(Protocol):

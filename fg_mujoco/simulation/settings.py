@@ -163,9 +163,10 @@ class CarSettings:
       ModelError: a file that is not that of a vehicle.
     """
 
-    vehicle: Vehicle | str | Path = setting(
-        DEFAULT_VEHICLE, f"{{names}}, or a file or folder of one; default: {DEFAULT_VEHICLE}", "NAME|FILE", "car"
-    )
+    vehicle: Vehicle | str | Path | None = setting(
+        None, f"{{names}}, or a file or folder of one; default: {DEFAULT_VEHICLE}, or that which the planner is for",
+        "NAME|FILE", "car",
+    )  # fmt: skip
     mu: float | None = setting(
         None, "friction coefficient of the tires, or their greatest peak; default: as published", "MU", "floor"
     )
@@ -192,7 +193,8 @@ class CarSettings:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
+        vehicle = self._usual_vehicle() if self.vehicle is None else self.vehicle
+        object.__setattr__(self, "vehicle", Vehicle.load(vehicle))
         self._make("changes", CarChanges)
         object.__setattr__(self, "patches", as_parts(self.patches, Patch, "patches"))
         if not isinstance(self.sensors, tuple) or self.sensors:
@@ -222,6 +224,10 @@ class CarSettings:
     def __repr__(self) -> str:
         plain = type(self)()  # its vehicle is loaded, too
         return brief(self, *changed(self, plain))
+
+    def _usual_vehicle(self) -> str:
+        """Return the vehicle where none is given."""
+        return DEFAULT_VEHICLE
 
     def _make(self, name: str, kind: type) -> None:
         """Make an object of `kind` of a setting that may be a mapping."""
@@ -335,7 +341,7 @@ class CarKeywords(TypedDict, total=False):
     with `arguments.setting(..., told=True)`, which makes it an option of the command line and one of PLANNER_OPTIONS.
     """
 
-    vehicle: Vehicle | str | Path
+    vehicle: Vehicle | str | Path | None
     tires: Tires | str | Path | None
     mu: float | None
     floor: Any

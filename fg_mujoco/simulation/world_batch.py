@@ -45,7 +45,7 @@ from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
 from .world import World
-from .world_step import AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TIRES, TREE, Floor, Sizes
+from .world_step import AXLES, CHASSIS_CONTACT, FIRST_TIRE, LEVEL, MOUNT, TIRES, TREE, Floor, Sizes
 
 if TYPE_CHECKING:
     from .cars_alone import CarsAlone
@@ -230,7 +230,7 @@ class WorldBatch:
 
     def _make_car_places(self, meters: Sequence[TireSlipMeter]) -> NDArray[np.int64]:
         """Return the places of each car's parts in its model, see world_step.TREE."""
-        places = np.full((len(meters), 6), -1, np.int64)
+        places = np.full((len(meters), 7), -1, np.int64)
         first = 0
         for place, meter, car in zip(places, meters, self.world.cars, strict=True):
             place[TIRES], place[AXLES], place[CHASSIS_CONTACT] = meter.readings.start, meter.axles, car.chassis_contact
@@ -238,6 +238,7 @@ class WorldBatch:
                 place[FIRST_TIRE], first = first, first + len(meter.rows)
         if self.drawn is not None:
             places[:, MOUNT] = [mount.qpos_address for mount in self._mounts]
+            places[:, LEVEL] = [mount.level for mount in self._mounts]
             if len(meters) > 1:
                 places[:, TREE] = [tree_of(self.world.model, car.prefix) for car in self.world.cars]
         return places

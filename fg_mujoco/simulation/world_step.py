@@ -22,10 +22,11 @@ from ..vehicle.mujoco_stages import Fields
 Rows = NDArray[np.void]
 Places = NDArray[np.int64]
 
-TIRES, AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TREE = range(6)
+TIRES, AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TREE, LEVEL = range(7)
 """Columns of `car_places`, one row for each car of a world: where in its sensors the tires' readings begin, those of
 the axles (-1: none) and the chassis' contact; its first row among the tires with a law of ours (-1: it has none); where
-in qpos the pose of the body that its LiDAR is fixed to is; and the tree of its bodies, as in SceneArrays (-1: none)."""
+in qpos the pose of the body that its LiDAR is fixed to is; the tree of its bodies, as in SceneArrays (-1: none); and
+whether its LiDAR stays level (1)."""
 
 
 class Floor(NamedTuple):

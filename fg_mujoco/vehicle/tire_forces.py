@@ -226,6 +226,19 @@ def resist_rolling(data: int, found: Fields, tires: TireRows, own: FloatArray, d
 
 
 @kernel
+def resist_air(data: int, found: Fields, gear: Any, dofs: int) -> None:
+    """Add a car's drag to MuJoCo's passive forces: in proportion to the velocity of its centre of gravity."""
+    first, axes = gear.free_dof, stages.vector(data, found.cdof, 6 * dofs)
+    qvel, passive = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qfrc_passive, dofs)
+    for axis in range(3, 6):  # of what each dof makes of that velocity
+        velocity = 0.0
+        for dof in range(first, first + 6):
+            velocity += axes[6 * dof + axis] * qvel[dof]
+        for dof in range(first, first + 6):
+            passive[dof] -= gear.drag * axes[6 * dof + axis] * velocity
+
+
+@kernel
 def step_on_tires(
     model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, tires: TireRows, mu: FloatArray,
     userdata: FloatArray, scratch: FloatArray, dofs: int, timestep: float, advance: bool, clear: bool, last: bool,
@@ -258,6 +271,8 @@ def step_on_tires(
         if gear.first_tire >= 0:
             own = userdata[gear.userdata : gear.userdata + USERDATA * wheels]
             resist_rolling(data, found, tires[gear.first_tire : gear.first_tire + wheels], own, dofs)
+            if gear.drag > 0.0:
+                resist_air(data, found, gear, dofs)
     stages.stage_actuation(model, data)
     damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_acceleration(model, data)

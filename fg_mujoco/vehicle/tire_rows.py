@@ -84,6 +84,7 @@ GEAR = np.dtype(
         ("userdata", np.int64),  # where in `userdata` that of its tires begins
         ("free_qpos", np.int64),  # of base_link's joint
         ("free_dof", np.int64),
+        ("drag", np.float64),  # [N s/m] against the velocity of its centre of gravity
         ("tire_steps", np.int64),  # short steps in a physics step, of `steps_within`
         ("commons", np.int64),
         ("common", np.int64, (_MOST_COMMON,)),  # the dofs that move more than one wheel, in order
@@ -142,6 +143,9 @@ def put_on(spec: Any, tires: Tires) -> Tires:
     if tires.is_contact:
         if spec.tendon("drive") is not None:
             tie_on_contacts(spec)
+            for wheel in WHEELS:  # what implicit damping adds to the inertia, which MuJoCo's contacts do not know of
+                joint, damped = spec.joint(f"{wheel}_wheel"), spec.option.timestep
+                joint.armature = max(joint.armature, six_digits(damped * float(np.ravel(joint.damping)[0])))
         return tires
     found = [wheel for wheel in WHEELS if spec.pair(f"{wheel}_tire") is not None]
     frictions: list[float] = []
@@ -380,11 +384,21 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
         gear["userdata"] = userdata_place(model, prefix)
         free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
         gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
+        gear["drag"] = _drag(model, prefix) * model.body_subtreemass[model.jnt_bodyid[free]]
         _find_common(model, gear, _common(model, prefix, WHEELS))
         _find_steering(model, prefix, gear)
         gear["driven"] = _drives_spins(model, gear)
     gears.flags.writeable = False
     return gears
+
+
+def _drag(model: mujoco.MjModel, prefix: str) -> float:
+    """Return the drag of a car over its mass [1/s], as the numeric `drag` has it; 0 where there is none."""
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}drag")
+    found = float(model.numeric_data[model.numeric_adr[number]]) if number >= 0 else 0.0
+    if not 0.0 <= found < math.inf:
+        raise ModelError(f"numeric 'drag' is {found:g}; accepted: a number from 0 [1/s]")
+    return found
 
 
 def _find_common(model: mujoco.MjModel, gear: Any, common: Sequence[int]) -> None:

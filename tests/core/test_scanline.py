@@ -240,7 +240,7 @@ def test_mounted_pose_is_that_of_mj_kinematics():
         pose = data.qpos[mount.qpos_address : mount.qpos_address + 7]
         pose[:] = *rng.uniform(-1, 1, 3), *rng.normal(size=4)
         pose[3:] *= length / np.linalg.norm(pose[3:])
-        mounted_pose(pose.copy(), mount.offset_position, mount.offset_rotation, position, rotation)
+        mounted_pose(pose.copy(), False, mount.offset_position, mount.offset_rotation, position, rotation)
         mujoco.mj_kinematics(world.model, data)
         np.testing.assert_allclose(position, data.xpos[lidar.body], rtol=0, atol=1e-15)
         np.testing.assert_allclose(rotation.ravel(), data.xmat[lidar.body], rtol=0, atol=1e-15)

@@ -355,7 +355,12 @@ def source_text(source: str) -> bytes:
     return read_program(source).text
 
 
-NODES = PlannerScheme(find=find_node, code=source_text)
+def vehicle_of(code: bytes) -> str | None:
+    """Return the league's car for nodes that name AutoDRIVE's topic of the throttle, which is a speed of its wheels."""
+    return "autodrive" if b"/autodrive/" in code and b"throttle_command" in code else None
+
+
+NODES = PlannerScheme(find=find_node, code=source_text, vehicle=vehicle_of)
 """Planners whose texts begin with `ros:`."""
 
 

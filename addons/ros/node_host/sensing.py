@@ -443,7 +443,10 @@ class Sensing:
     def _make_imu_with_orientation(self) -> Any:
         """AutoDRIVE's has the true orientation, too, and no gravity in its acceleration: the velocity's derivative."""
         message = self._make_imu()
-        message.linear_acceleration.z -= self._gravity
+        up = (0.0, 0.0, 1.0) if self.surroundings is None else self.surroundings.up
+        for axis, share in zip("xyz", up, strict=True):
+            level = getattr(message.linear_acceleration, axis) - self._gravity * share
+            setattr(message.linear_acceleration, axis, level)
         message.orientation.z, message.orientation.w = self._at[2:]
         message.orientation_covariance[0] = 0.0
         return message

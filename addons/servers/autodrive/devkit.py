@@ -3,9 +3,11 @@
     with DevKit("127.0.0.1:4567") as devkit:
         result = race("oval", controller=devkit, rules="autodrive_2026")
 
-In lockstep a tick waits for the answer, so that the same DevKit gives the same race. Of several answers to a packet the
-last counts. What comes before a packet is sent answers an earlier one, and is not believed. In real time a tick takes
-as long as on a car, and holds the last command that has come.
+A packet is sent in each frame, of which there are RATE in a second, and the answer to it acts LATE frames later: it
+shows in the packet after that, the third, as in the league's simulator. In lockstep a frame waits for the answer, so
+that the same DevKit gives the same race. Of several answers to a packet the last counts. What comes before a packet is
+sent answers an earlier one, and is not believed. In real time a tick takes as long as on a car, and frames wait for
+answers that are late.
 
 A DevKit that does not answer the first packet, while its connection lives, is sent the packets of classic DevKits.
 """
@@ -15,6 +17,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
+from collections import deque
 from dataclasses import replace
 from types import TracebackType
 from typing import Protocol
@@ -35,6 +38,11 @@ PORT = 4567
 PATIENCE = 10.0
 """[s] of wall time after which a DevKit that has not answered is taken to be gone."""
 
+RATE, LATE = 20.0, 2
+"""[Hz] of the exchange, and frames from a packet until its answer acts. A team of the league measured 17 to 20 Hz, and
+three frames until a command shows in what it is sent: raceline/VEHICLE_MODEL.md of
+Abdullah-Bin-Naeem/RoboRacer-Staged-Curriculum-RL-and-Raceline-Optimization, at 15975173."""
+
 WHEEL_RADIUS = 0.059
 """[m] of the simulator's car, by which DevKits make distances of the encoders' angles. Source: its technical guide."""
 
@@ -42,6 +50,7 @@ _SETTLE = 0.1  # [s] within which further answers to a packet follow
 _MOST_EXTRA, _FORGOTTEN = 5.0, 0.1  # answers that were not waited for; of them are forgotten in a tick
 
 _REAR = slice(2, 4)  # of the wheel speeds of an odometry
+_SAME_TIME = 1e-9  # [s]
 
 
 class Camera(Protocol):
@@ -95,8 +104,9 @@ class DevKit:
     def reset(self) -> None:
         """Begin a race: laps, collisions and encoders begin at zero."""
         self.collisions, self.reset_asked = 0, False
-        self._answer: Answer | None = None
-        self._throttle = 0.0  # commanded last
+        self._answer: Answer | None = None  # that acts
+        self._answers_due: deque[tuple[float, Answer]] = deque()  # and those to come, with the time of each [s]
+        self._asked, self._frame = 0.0, -math.inf  # [s] of the last packet, and when the next one is due
         self._laps: LapTimer | None = None
         self._encoders, self._stamp = np.zeros(2), math.nan
         self._sent: float | None = None  # [s] on the wall's clock, of a packet that is not answered
@@ -122,7 +132,10 @@ class DevKit:
             late = self._hear(0.0)
             if self._answers:
                 self._extra += late
-            if self._sent is None:
+            while self._answers_due and self._answers_due[0][0] <= odometry.stamp + _SAME_TIME:
+                self._answer = self._answers_due.popleft()[1]
+            if self._sent is None and odometry.stamp >= self._frame - _SAME_TIME:
+                self._frame = odometry.stamp + 1.0 / RATE
                 self._ask(scan, odometry)
             if self._is_silent() and not (self._heard or self._classic) and self._client.is_alive():
                 self._classic = True
@@ -135,15 +148,16 @@ class DevKit:
             raise ControllerError(f"the DevKit has gone: {error}") from None
         if self._is_silent():
             raise ControllerError(f"the DevKit at {self.address} {self._why_silent()}")
-        self._throttle, command = (0.0, STOP) if self._answer is None else (self._answer.throttle, self._answer.command)
-        return command
+        return STOP if self._answer is None else self._answer.command
 
     def _ask(self, scan: LaserScan, odometry: Odometry) -> None:
         """Send a packet, and in lockstep wait for its answer; the simulator's acceleration has no gravity."""
-        gravity = np.array((0.0, 0.0, self._surroundings.world.parameters.gravity))
+        gravity = self._surroundings.world.parameters.gravity * np.array(self._surroundings.up)
         moved = replace(odometry, linear_acceleration=odometry.linear_acceleration - gravity)
+        self._asked = odometry.stamp
+        throttle = 0.0 if self._answer is None else self._answer.throttle
         told = packet(
-            scan, moved, throttle=self._throttle, encoders=self._encoders, laps=self._lap_times(odometry),
+            scan, moved, throttle=throttle, encoders=self._encoders, laps=self._lap_times(odometry),
             collisions=self.collisions, image=self._camera(self._surroundings, odometry), classic=self._classic,
         )  # fmt: skip
         self._client.send(told)
@@ -161,15 +175,18 @@ class DevKit:
             raise ControllerError(f"{said}; accepted: one answer to each packet, or --real-time")
 
     def _hear(self, timeout: float) -> int:
-        """Take the answers that have come, of which the newest counts; wait for one if there is none."""
+        """Take the answers that have come, of which the newest will act; wait for one if there is none."""
         try:
             answers = self._client.receive(timeout)
         except TimeoutError:
             return 0
         for data in answers:
-            self._answer = read_answer(data)
-            self.reset_asked = self.reset_asked or (self._answer.reset and not self._reset_held)
-            self._reset_held = self._answer.reset
+            answer, acts = read_answer(data), self._asked + LATE / RATE
+            while self._answers_due and self._answers_due[-1][0] >= acts:
+                self._answers_due.pop()
+            self._answers_due.append((acts, answer))
+            self.reset_asked = self.reset_asked or (answer.reset and not self._reset_held)
+            self._reset_held = answer.reset
         self._heard = self._heard or self._sent is not None
         self._sent = None
         return len(answers)

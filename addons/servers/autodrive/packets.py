@@ -21,7 +21,7 @@ from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, sh
 
 EVENT = "Bridge"
 
-BEAMS, FIRST_BEARING, INCREMENT = 1080, math.radians(-135.0), math.radians(0.25)
+BEAMS, FIRST_BEARING, INCREMENT = 1081, math.radians(-135.0), math.radians(0.25)
 _RATE = 40.0  # [Hz]
 _TICKS = 1920  # of an encoder in a turn of the wheel: 16 pulses, and the gears of 120 that DevKits reckon with
 _SAME_BEARING = 0.5 * INCREMENT  # [rad] by which a beam may be off; where there is none, nothing is seen

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from ...compiled.kernels import kernel
 from ...messages import FloatArray
-from . import brush, coulomb, linear, magic_formula
+from . import brush, coulomb, friction_curve, linear, magic_formula
 from .brush import Brush
 from .coulomb import Coulomb
+from .friction_curve import FrictionCurve
 from .law import Law
 from .linear import Linear
 from .magic_formula import MagicFormula
@@ -17,13 +18,13 @@ from .magic_formula import MagicFormula
 CONTACT = "contact"
 """Model of tires that MuJoCo's own contacts carry, friction included; it has no curve of ours."""
 
-LAWS: tuple[type[Law], ...] = (Coulomb, MagicFormula, Linear, Brush)
+LAWS: tuple[type[Law], ...] = (Coulomb, MagicFormula, Linear, Brush, FrictionCurve)
 """Their places are the numbers by which kernels and compiled models know them."""
 
 LAW_OF = {law.model: law for law in LAWS}
 MODELS = (CONTACT, *LAW_OF)
 
-_COULOMB, _MAGIC_FORMULA, _LINEAR, _BRUSH = range(len(LAWS))
+_COULOMB, _MAGIC_FORMULA, _LINEAR, _BRUSH, _FRICTION_CURVE = range(len(LAWS))
 
 
 @kernel
@@ -35,4 +36,6 @@ def curve_force(law: int, numbers: FloatArray, slip: float) -> float:
         return magic_formula.force(numbers, slip)
     if law == _LINEAR:
         return linear.force(numbers, slip)
+    if law == _FRICTION_CURVE:
+        return friction_curve.force(numbers, slip)
     return brush.force(numbers, slip)
