@@ -33,9 +33,9 @@ from fg_mujoco.addons.servers.autodrive.front_camera import BlankCamera
 def classic(number, packet):
     """Drive as steer_by_sides, from a packet as AutoDRIVE's own DevKits read it."""
     ticks, angles = ([float(each) for each in packet[f"V1 Encoder {name}"].split()] for name in ("Ticks", "Angles"))
-    assert np.array(ticks) == pytest.approx(np.array(angles) / math.tau * 1920, abs=1.0)
+    assert np.array(ticks) == pytest.approx(np.array(angles) / math.tau * 1920, abs=1.1)
     ranges = packet["V1 LIDAR Range Array"].split()
-    assert len(ranges) == len(packet["V1 LIDAR Intensity Array"].split()) == 1080
+    assert len(ranges) == len(packet["V1 LIDAR Intensity Array"].split()) == 1081
     text = base64.b64encode(gzip.compress("\n".join(ranges).encode())).decode()
     return steer_by_sides(number, {"V1 LIDAR Range Array": text})
 
@@ -73,7 +73,7 @@ def ranges_of(text):
 def steer_by_sides(number, packet):
     """Drive along the middle of the course at 2.5 m/s."""
     ranges = np.minimum(ranges_of(packet["V1 LIDAR Range Array"]), 4.0)
-    steering = min(max(0.6 * (ranges[700:860].mean() - ranges[220:380].mean()), -0.4), 0.4)
+    steering = min(max(0.3 * (ranges[700:860].mean() - ranges[220:380].mean()), -0.4), 0.4)
     return commands(0.1, steering / 0.5236)
 
 
@@ -106,8 +106,8 @@ def test_a_packet_has_what_the_simulator_tells_in_its_units():
     assert set(told(vehicle=2)) == {key.replace("V1", "V2") for key in values}
 
 
-def test_the_beams_of_a_packet_are_1080_from_the_right_and_inf_where_the_simulator_sees_nothing():
-    assert ranges_of(told()["V1 LIDAR Range Array"]).tolist() == pytest.approx((1.0 + 0.001 * np.arange(1080)).tolist())
+def test_the_beams_of_a_packet_are_1081_from_the_right_and_inf_where_the_simulator_sees_nothing():
+    assert ranges_of(told()["V1 LIDAR Range Array"]).tolist() == pytest.approx((1.0 + 0.001 * np.arange(1081)).tolist())
     ranges = np.full(1081, 5.0)
     ranges[:6] = math.nan, 0.05, 0.06, 10.0, 10.01, -math.inf
     read = ranges_of(told(a_scan(ranges))["V1 LIDAR Range Array"])
@@ -140,10 +140,10 @@ def test_an_answer_without_commands_is_refused(answer, said):
 
 def test_a_lap_in_lockstep_has_the_same_bits_twice():
     """In both revisions of the protocol, which carry the same; half a second of the second lap, whose time is anew."""
-    settings = {"laps": 2, "time_limit": 23.2, "rules": "autodrive_2026"}
+    settings = {"laps": 2, "time_limit": 23.7, "rules": "autodrive_2026", "vehicle": "autodrive"}
     (one, _), (result, kit) = (raced(steer_by_sides, revision, **settings) for revision in (3, 4))
-    assert len(kit.packets) == len(result.ctrl) > 900 and one.trajectory_sha256 == result.trajectory_sha256
-    (lap,), time = result.car.lap_times_s, result.car.column("time_s")
+    assert 2 * len(kit.packets) == len(result.ctrl) > 900 and one.trajectory_sha256 == result.trajectory_sha256
+    (lap,), time = result.car.lap_times_s, result.car.column("time_s")[::2]
     assert time[-1] > lap + 0.2 and result.car.collisions_wall == 0
     times = [float(packet["V1 Lap Time"]) for packet in kit.packets]
     assert times == pytest.approx(np.where(time < lap, time, time - lap).tolist(), abs=1e-4)
@@ -151,7 +151,7 @@ def test_a_lap_in_lockstep_has_the_same_bits_twice():
     assert np.median(up) == pytest.approx(0.0, abs=0.1)
     rolled = np.array([float(packet["V1 Encoder Angles"].split()[0]) for packet in kit.packets[-2:]])
     speed = float(kit.packets[-1]["V1 Speed"])
-    assert (rolled[1] - rolled[0]) * WHEEL_RADIUS == pytest.approx(0.025 * speed, rel=0.05)
+    assert (rolled[1] - rolled[0]) * WHEEL_RADIUS == pytest.approx(0.05 * speed, rel=0.05)
 
 
 @each("fifth, said", [(SILENT, "an exception has ended its handler"), (GONE, "the DevKit has gone"),
@@ -160,14 +160,14 @@ def test_a_devkit_that_fails_ends_the_race_of_its_car_and_what_was_driven_is_kep
     with pytest.warns(UserWarning, match="DevKit failed"):
         result, _ = raced(lambda number, packet: fifth if number == 5 else commands(), patience=0.3)
     assert result.car.end_reason == "planner_failed" and said in str(result.car.planner_failure)
-    assert len(result.ctrl) == 5
+    assert len(result.ctrl) == 10
 
 
 @each("revision", [3, 4])
 def test_a_devkit_stays_while_the_race_pauses(revision):
     """Kernels are compiled, or a run folder is written."""
     result, kit = raced(lambda number, packet: commands(), revision, wait=2.0 * PATIENCE, time_limit=0.2)
-    assert result.car.end_reason == "time_limit" and len(kit.packets) == 8
+    assert result.car.end_reason == "time_limit" and len(kit.packets) == 4
 
 
 @each("delays", [(0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.02)])
@@ -175,7 +175,7 @@ def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays
     monkeypatch.setattr(devkit_module, "_SETTLE", 0.6)  # on a busy machine an answer takes longer than it is given
     result, _ = raced(lambda number, _: [(delay, commands(0.001 * number)) for delay in delays], time_limit=0.5)
     commanded = np.rint(result.car.column("command_speed_m_s") / 0.02525).astype(int)
-    assert commanded.tolist() == list(range(20))
+    assert commanded.tolist() == [0] * 4 + [k // 2 for k in range(16)]  # each acts two frames after its packet
 
 
 def test_answers_that_come_at_any_time_are_refused_in_lockstep():
@@ -204,7 +204,7 @@ def test_the_command_begins_anew_where_the_devkit_asks_for_it(tmp_path, capsys):
         assert main(["serve", "autodrive", *options]) == 1
     printed = capsys.readouterr().out
     assert f"written to        {out}/1" in printed and f"written to        {out}/2" in printed
-    assert [packet["V1 Lap Time"] for packet in kit.packets[4:8]] == ["0.1000", "0.1250", "0.0000", "0.0250"]
+    assert [packet["V1 Lap Time"] for packet in kit.packets[4:8]] == ["0.2000", "0.2500", "0.0000", "0.0500"]
     assert fg.read_run(f"{out}/1").summary["end_reason"] == "interrupted"
     assert fg.read_run(f"{out}/2").summary["rules"] == "autodrive_2026"
 
