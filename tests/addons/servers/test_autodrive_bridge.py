@@ -178,6 +178,23 @@ def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays
     assert commanded.tolist() == [0] * 4 + [k // 2 for k in range(16)]  # each acts two frames after its packet
 
 
+def test_a_devkit_drives_the_leagues_car_whose_acceleration_is_that_of_its_velocity():
+    """At rest 0 0 0; a command shows in the third packet after; wheels that are locked do not turn."""
+    result, kit = raced(lambda number, _: commands(0.2 if number < 20 else 0.0), time_limit=1.4, vehicle="autodrive")
+    told = {key: np.array([[float(number) for number in packet[f"V1 {key}"].split()] for packet in kit.packets])
+            for key in ("Speed", "Encoder Angles", "Linear Acceleration")}  # fmt: skip
+    assert (np.abs(told["Speed"][:3]) < 0.01).all() and told["Speed"][3] == pytest.approx(5.05, rel=0.01)
+    assert np.abs(told["Linear Acceleration"][:3]).max() < 0.1
+    vx, time = result.car.column("vx_m_s"), result.car.column("time_s")
+    for packet in (8, 12, 26):  # speeding up, and braking, when the car leans on its springs
+        tick = 2 * packet
+        change = (vx[tick + 1] - vx[tick - 1]) / (time[tick + 1] - time[tick - 1])
+        assert told["Linear Acceleration"][packet, 0] == pytest.approx(change, rel=0.05)
+        assert abs(told["Linear Acceleration"][packet, 2]) < 0.3
+    turned = np.diff(told["Encoder Angles"], axis=0) * WHEEL_RADIUS
+    assert turned[3:21] == pytest.approx(0.05 * 5.05, rel=0.01) and (np.abs(turned[23:]) < 1e-3).all()
+
+
 def test_answers_that_come_at_any_time_are_refused_in_lockstep():
     with pytest.warns(UserWarning, match="DevKit failed"):
         result, _ = raced(lambda number, packet: [(0.0, commands()), (0.2, commands())], time_limit=5.0)
