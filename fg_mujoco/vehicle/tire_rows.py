@@ -144,8 +144,9 @@ def put_on(spec: Any, tires: Tires) -> Tires:
         if spec.tendon("drive") is not None:
             tie_on_contacts(spec)
             for wheel in WHEELS:  # what implicit damping adds to the inertia, which MuJoCo's contacts do not know of
-                joint, damped = spec.joint(f"{wheel}_wheel"), spec.option.timestep
-                joint.armature = max(joint.armature, six_digits(damped * float(np.ravel(joint.damping)[0])))
+                joint = spec.joint(f"{wheel}_wheel")
+                added = six_digits(spec.option.timestep * float(np.ravel(joint.damping)[0]))
+                joint.armature = max(joint.armature, added)
         return tires
     found = [wheel for wheel in WHEELS if spec.pair(f"{wheel}_tire") is not None]
     frictions: list[float] = []

@@ -83,7 +83,7 @@ def test_a_throttle_is_a_speed_of_the_wheels_at_once(throttle, wheels):
 def test_throttle_0_locks_the_wheels_and_the_car_slows_by_its_friction_and_its_drag():
     """4.55 + .273 v, and from 8 m/s in ln(1 + .273 v / 4.55) / .273 seconds."""
     drive, seconds = Drive(8.0), math.log1p(DRAG * 8.0 / LOCKED) / DRAG
-    turning, speed = drive.run(0.2, 0.0)
+    _, speed = drive.run(0.2, 0.0)
     while speed > 0.5:
         slower = drive.run(0.05, 0.0)
         assert np.abs(slower[0]).max() < 0.01
@@ -126,7 +126,7 @@ def test_its_lidar_stays_level_and_rangefinders_are_refused():
     assert position.tolist() == [0.3, 0.0, 0.2] and rotation.tolist() == np.eye(3).tolist()
     mounted_pose(pitched, False, mount, np.eye(3), position, rotation)
     assert rotation[2, 0] == pytest.approx(-math.sin(0.2))
-    with pytest.raises(ModelError, match="autodrive_lidar.xml stays level, which rangefinders do not; accepted: ray"):
+    with pytest.raises(ModelError, match=r"autodrive_lidar\.xml stays level, which rangefinders do not; accepted: ray"):
         fg.race("oval", vehicle="autodrive", lidar="rangefinder", time_limit=0.1)
 
 

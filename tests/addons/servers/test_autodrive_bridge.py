@@ -186,11 +186,11 @@ def test_a_devkit_drives_the_leagues_car_whose_acceleration_is_that_of_its_veloc
     assert (np.abs(told["Speed"][:3]) < 0.01).all() and told["Speed"][3] == pytest.approx(5.05, rel=0.01)
     assert np.abs(told["Linear Acceleration"][:3]).max() < 0.1
     vx, time = result.car.column("vx_m_s"), result.car.column("time_s")
-    for packet in (8, 12, 26):  # speeding up, and braking, when the car leans on its springs
-        tick = 2 * packet
+    for at in (8, 12, 26):  # speeding up, and braking, when the car leans on its springs
+        tick = 2 * at
         change = (vx[tick + 1] - vx[tick - 1]) / (time[tick + 1] - time[tick - 1])
-        assert told["Linear Acceleration"][packet, 0] == pytest.approx(change, rel=0.05)
-        assert abs(told["Linear Acceleration"][packet, 2]) < 0.3
+        assert told["Linear Acceleration"][at, 0] == pytest.approx(change, rel=0.05)
+        assert abs(told["Linear Acceleration"][at, 2]) < 0.3
     turned = np.diff(told["Encoder Angles"], axis=0) * WHEEL_RADIUS
     assert turned[3:21] == pytest.approx(0.05 * 5.05, rel=0.01) and (np.abs(turned[23:]) < 1e-3).all()
 
