@@ -1,7 +1,7 @@
 """The last step to a command: one that the tires can follow, and whose speed the car reaches.
 
 1. The friction limiter turns the reference into a command that the tires can follow (friction_limiter).
-2. The wheels are turned by the slip angles that soft tires need more (slip).
+2. The wheels are turned by the slip angles that soft tires need more, and roll faster or slower than the ground (slip).
 3. The speed is corrected for the error of the odometry. The friction limiter asks for an acceleration a by commanding
    the speed v + a tau, tau the time constant of the speed servo. Odometry that reads 5 % too much, as with worn tires,
    adds 0.05 v / tau that nobody asked for: 4 m/s^2 at 8 m/s. The error is measured while driving: in each tick the
@@ -129,5 +129,6 @@ def apply_limits_of(
     if limiter.slip.needs_slip_angle:
         steering = steered(limiter.slip, driver.car, steering, now)
     command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period, left_alone)
+    command += memory.velocity_frame.excess  # 0 of tires that are not soft
     log_step(reasons, BY_SPEEDOMETER, steering, command)
     return steering, command

@@ -85,7 +85,9 @@ def begin(  # type: ignore[no-untyped-def]
     reasons, slip, frame, geometry = memory.reasons, driver.limiter.slip, memory.velocity_frame, tick.geometry
     forget_reasons(reasons)
     if slip.needs_slip_angle:
-        memory.limiter.curvature = to_velocity_frame(slip, driver.car, geometry, odometry, frame)
+        command = memory.speedometer.command * (1.0 + memory.speedometer.error)
+        command += frame.excess if command != 0.0 else 0.0
+        memory.limiter.curvature = to_velocity_frame(slip, driver.car, geometry, odometry, command, frame)
         tick.geometry, tick.odometry = frame.geometry, frame.odometry
         reference.bearing -= frame.angle
     log_step(reasons, MAXIMUM, math.nan, driver.max_speed)
@@ -95,7 +97,7 @@ def begin(  # type: ignore[no-untyped-def]
     if driver.mean_range:
         log_step(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
     if driver.has_limiter:
-        read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(geometry))
+        read_speedometer(memory.speedometer, tick.odometry.speed, driver.car, period_of(geometry))
 
 
 @kernel

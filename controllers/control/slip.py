@@ -15,7 +15,7 @@ and its rear axle moves outwards of its heading by the rear slip angle (T. Gille
 2. An arc is no tighter than the lock leaves, and no faster than the critical speed, at which an oversteering car turns
    in by itself: b + v^2 / g d(lead)/d(a / g) = 0 (`tightest_arc`, `fastest_on`).
 3. Scan and yaw rate are taken in the velocity frame: its x axis is the direction in which the rear axle moves, not the
-   heading (`to_velocity_frame`).
+   heading (`to_velocity_frame`). Its speed is that over the ground: wheels that brake roll slower (`ground_speed`).
 4. The path follows the steering over a way of its own (`path_lag`), in all that is simulated.
 5. A car that brakes and has no path to follow is steered against turning in by itself (`held_arc`).
 
@@ -43,11 +43,14 @@ _MOST_USE = 0.97  # of an axle's peak: a greater force has the slip angle of thi
 _LAG_USE = 0.9  # of that: where the lag is taken
 _LEAST_USE = 0.2  # of that, which the critical speed leaves: what a planner steers for is never nothing
 _LOCK_USE = 0.5  # of the grip on an arc of full lock, below whose speed the lock slows nothing
-_SLOW = 0.5  # [m/s] below it the path is the arc's
+_MOST_RATIO = 0.5  # [-] of slip along the heading
+_SMALL = 0.01  # share of the grip over which a gradient is taken
+_SLOW = 0.5  # [m/s] below it the path is the arc's, and the ground's speed that of the wheels
 _HALVINGS = 24
 _SPEEDS = 128  # of the tables
 _FORCES = 64
 _SHARPEST = 10.0  # [-] greatest C
+_USES, _STOPS = 17, 33  # of the table of braking
 
 _AXLE = np.dtype([("B", np.float64), ("C", np.float64), ("D", np.float64)])  # C is 0 where linear, and B the stiffness
 
@@ -56,13 +59,14 @@ SLIP = np.dtype(
         ("needs_slip_angle", np.bool_),  # the tires need slip angles; the rest is zero where not
         ("front", _AXLE),
         ("rear", _AXLE),
-        ("rear_stiffness", np.float64),  # [1/rad]
         ("most", np.float64),  # [-] greatest lateral acceleration over g that is looked at
         ("lead", np.float64, (_FORCES,)),  # [rad] by which to steer more than the arc's angle, from 0 to `most`
         ("steady", np.float64, (_FORCES,)),  # [rad] by which in a steady curve, from the lead on
         ("top_speed", np.float64),  # [m/s] last of the speeds of `tightest`
         ("tightest", np.float64, (_SPEEDS,)),  # [rad] greatest angle of an arc, by speed
+        ("stable", np.float64, (_USES, _STOPS)),  # [-] see `stable_braking`, by share of the grip and by speed
         ("least_speed", np.float64),  # [m/s] to which the lock slows the car at most
+        ("wound_up", np.float64),  # [-] the front axle's part of the slip of a wound-up shaft; 0: there is none
         ("lag", np.float64),  # [s^2/m] of the path's way
         ("relaxation_length", np.float64),  # [m]
     ]
@@ -72,6 +76,7 @@ SLIP = np.dtype(
 VELOCITY_FRAME = np.dtype(
     [
         ("angle", np.float64),  # [rad] from the heading to where the rear axle moves, positive to the left
+        ("excess", np.float64),  # [m/s] by which the wheels are faster than the ground
         ("geometry", SCAN_GEOMETRY),  # in the velocity frame
         ("odometry", ODOMETRY),  # with the frame's own yaw rate, and the steering angle of the arc
     ]
@@ -79,24 +84,30 @@ VELOCITY_FRAME = np.dtype(
 """Type of what `to_velocity_frame` keeps from tick to tick; zero at the beginning."""
 
 
-def slip_row(car: CarParameters, lateral: float) -> NDArray[np.void]:
-    """Return a row of type SLIP, shape (1,), of a car that corners with `lateral` [m/s^2] at most."""
+def slip_row(car: CarParameters, mu: float, lateral: float) -> NDArray[np.void]:
+    """Return a row of type SLIP, shape (1,), of a car that corners with `lateral` [m/s^2] at most.
+
+    On a floor of another friction `mu` than the tires' least peak, their curves are scaled by it, as the floor's are.
+    """
     row = np.zeros(1, SLIP)
     slip = row[0]
     stiffness = min(car.front_cornering_stiffness, car.rear_cornering_stiffness)
     slip["needs_slip_angle"] = math.isfinite(stiffness)
     if not slip["needs_slip_angle"]:
         return row
-    slip["front"] = _formula(car.front_cornering_stiffness, car.front_peak, car.front_peak_slip)
-    slip["rear"] = _formula(car.rear_cornering_stiffness, car.rear_peak, car.rear_peak_slip)
-    slip["rear_stiffness"] = car.rear_cornering_stiffness
+    share = mu / min(car.front_peak, car.rear_peak)
+    slip["front"] = _formula(share * car.front_cornering_stiffness, share * car.front_peak, car.front_peak_slip)
+    slip["rear"] = _formula(share * car.rear_cornering_stiffness, share * car.rear_peak, car.rear_peak_slip)
     slip["relaxation_length"] = max(car.relaxation_length, 1e-3)  # a car that stands divides by it
-    slip["most"] = most = _MOST_USE * min(car.front_peak, car.rear_peak)
+    slip["most"] = most = _MOST_USE * mu
+    if car.shaft:  # both axles' forces are as great, against each other
+        front = car.front_cornering_stiffness * car.rear_axle_distance
+        slip["wound_up"] = 1.0 / (1.0 + front / (car.rear_cornering_stiffness * car.front_axle_distance))
     used = _LAG_USE * most
     slip["lag"] = max(slip_angle(slip[axle], used) for axle in ("front", "rear")) / (used * car.gravity)
     slip["least_speed"] = math.sqrt(_LOCK_USE * lateral * car.wheelbase / math.tan(car.max_steering_angle))
     forces = np.linspace(0.0, most, _FORCES)
-    needed = np.array([slip_angle(slip["front"], u) - slip_angle(slip["rear"], u) for u in forces.tolist()])
+    needed = _slip_angles(slip["front"], forces) - _slip_angles(slip["rear"], forces)
     slip["lead"] = np.maximum(np.minimum.accumulate(needed[::-1])[::-1], 0.0)
     slip["steady"] = np.maximum(needed, slip["lead"])
     gradient = np.minimum.accumulate(np.gradient(needed, forces))
@@ -106,7 +117,36 @@ def slip_row(car: CarParameters, lateral: float) -> NDArray[np.void]:
         force = max(stable.max(initial=0.0), _LEAST_USE * most)
         lock, wheelbase, gravity = car.max_steering_angle, car.wheelbase, car.gravity
         slip["tightest"][index] = _arc_within(slip, lock, speed, lock, wheelbase, gravity, force)
+    slip["stable"] = _stable(slip, car, mu)
     return row
+
+
+def _stable(slip: np.void, car: CarParameters, mu: float) -> FloatArray:
+    """Return the table that `stable_braking` reads.
+
+    At a lateral acceleration u and a braking x, both over g, an axle with the share l of its load at rest needs the
+    force hypot(u / l, x) of it, and has its slip in the direction of this force. The car is stable below the critical
+    speed, which is that of 2 in the module's text with the lead at this x.
+    """
+    braking = np.linspace(0.0, _MOST_USE * mu, 64)
+    speeds = np.maximum(np.linspace(0.0, car.max_speed, _STOPS), 1e-3)
+    height, found = car.center_of_gravity_height, np.empty((_USES, _STOPS))
+    loads = 1.0 + height / car.rear_axle_distance * braking, 1.0 - height / car.front_axle_distance * braking
+    for index, use in enumerate(np.linspace(0.0, 1.0, _USES).tolist()):
+        lateral = max(use, _SMALL) * _MOST_USE * mu
+        leads, held = [], np.ones(64, np.bool_)
+        for force in (lateral, (1.0 - _SMALL) * lateral):
+            angles = []
+            for axle, load in zip((slip["front"], slip["rear"]), loads, strict=True):
+                across = force / np.maximum(load, 1e-3)
+                used = np.hypot(across, braking)
+                angles.append(across / used * _slip_angles(axle, used))
+                held &= used <= _MOST_USE * axle["D"]
+            leads.append(angles[0] - angles[1])
+        gradient = np.where(held, (leads[0] - leads[1]) / (_SMALL * lateral), -1e9)
+        gradient = np.minimum.accumulate(gradient)
+        found[index] = np.interp(car.wheelbase * car.gravity / speeds**2, -gradient, braking)
+    return found
 
 
 def _formula(stiffness: float, peak: float, peak_slip: float) -> tuple[float, float, float]:
@@ -129,10 +169,50 @@ def slip_angle(axle: Record, force: float) -> float:
     return float(math.tan(math.asin(min(force / axle.D, _MOST_USE)) / axle.C) / axle.B)
 
 
+def _slip_angles(axle: np.void, force: FloatArray) -> FloatArray:
+    """Return what `slip_angle` does, of many forces."""
+    linear = axle["C"] == 0.0
+    reached: FloatArray = force if linear else np.tan(np.arcsin(np.minimum(force / axle["D"], _MOST_USE)) / axle["C"])
+    return reached / float(axle["B"])
+
+
 @kernel
 def _lead(slip: Record, force: float) -> float:
     """Return by how much more than the arc's angle the car is steered [rad], at a lateral acceleration over g."""
     return _read(slip.lead, force / slip.most)
+
+
+@kernel
+def _wound_up(slip: Record, angle: float) -> float:
+    """Return by how much more than the angle of an arc [rad] a car is steered whose shaft is wound up there.
+
+    The front axle has the longer way, by 1 / cos(d), and a shaft lets it turn no faster than the other one. So the
+    front wheels slip along their heading by a part of 1 - cos(d), and their drag pulls sideways by sin(d).
+    """
+    return float(slip.wound_up * (1.0 - math.cos(angle)) * math.tan(angle))
+
+
+@kernel
+def driving_held(slip: Record, car: Record, angle: float, reverse: bool, use: float) -> float:
+    """Return the acceleration over g at which the rear axle has a share of its peak, as the car drives on an arc.
+
+    On the arc of `angle` [rad] the front axle is dragged along by a wound-up shaft, see above, and the rear one has its
+    part to drive, too. Load moves to the rear axle, in reverse off it.
+    """
+    ratio = slip_angle(slip.rear, use * slip.rear.D)
+    wound = 1.0 - math.cos(angle) if slip.wound_up > 0.0 else 0.0
+    front = _axle_force(slip.front, ratio - wound) * car.rear_axle_distance / car.wheelbase
+    rear = _axle_force(slip.rear, ratio) * car.front_axle_distance / car.wheelbase
+    moved = car.center_of_gravity_height * (rear / car.front_axle_distance - front / car.rear_axle_distance)
+    return float((front + rear) / (1.0 + moved if reverse else 1.0 - moved))
+
+
+@kernel
+def _axle_force(axle: Record, angle: float) -> float:
+    """Return the force of an axle over its load at a slip angle [rad], or at a slip ratio: `slip_angle` read back."""
+    if axle.C == 0.0:
+        return float(axle.B * angle)
+    return float(axle.D * math.sin(axle.C * math.atan(axle.B * angle)))
 
 
 @kernel
@@ -147,7 +227,8 @@ def _read(table: FloatArray, share: float) -> float:
 def steered(slip: Record, car: Record, angle: float, speed: float) -> float:
     """Return the steering angle [rad] with which a car at `speed` [m/s] runs on the arc of `angle` [rad]."""
     force = speed * speed * math.tan(abs(angle)) / (car.wheelbase * car.gravity)
-    return saturate(angle + math.copysign(_lead(slip, force), angle), car.max_steering_angle)
+    lead = _lead(slip, force) + _wound_up(slip, abs(angle))
+    return saturate(angle + math.copysign(lead, angle), car.max_steering_angle)
 
 
 @kernel
@@ -179,11 +260,11 @@ def _arc_within(
     """Return the angle of an arc as `arc_angle`, without sign and up to a lateral acceleration over g."""
     low, high = 0.0, min(lock, math.atan2(wheelbase * gravity * most, speed * speed))
     over = speed * speed / (wheelbase * gravity)
-    if high + _lead(slip, over * math.tan(high)) <= steering_angle:
+    if high + _lead(slip, over * math.tan(high)) + _wound_up(slip, high) <= steering_angle:
         return high
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        if middle + _lead(slip, over * math.tan(middle)) <= steering_angle:
+        if middle + _lead(slip, over * math.tan(middle)) + _wound_up(slip, middle) <= steering_angle:
             low = middle
         else:
             high = middle
@@ -199,6 +280,12 @@ def tightest_arc(slip: Record, speed: float) -> float:
 
 
 @kernel
+def lock_arc(slip: Record, car: Record) -> float:
+    """Return the angle [rad] of the tightest arc of a slow car: the lock, less what a wound-up shaft takes of it."""
+    return float(slip.tightest[0]) if slip.needs_slip_angle else float(car.max_steering_angle)
+
+
+@kernel
 def fastest_on(slip: Record, angle: float) -> float:
     """Return the greatest speed [m/s] at which lock and critical speed leave the arc of `angle` [rad]."""
     size = abs(angle)
@@ -210,6 +297,21 @@ def fastest_on(slip: Record, angle: float) -> float:
             speed = slip.top_speed * (at - 1 + (before - size) / (before - here)) / (_SPEEDS - 1)
             return float(max(speed, slip.least_speed))
     return float(slip.least_speed)
+
+
+@kernel
+def stable_braking(slip: Record, use: float, speed: float) -> float:
+    """Return the braking over g up to which a car that corners with a share of the grip does not turn in by itself.
+
+    Braking takes load off the rear axle, and a part of its force: on tires that are hardly stiffer behind than in front
+    a fast car then turns in the more, the more it does. Bilinear in a table; at `speed` [m/s].
+    """
+    row, column = min(max(use, 0.0), 1.0) * (_USES - 1), min(speed / slip.top_speed, 1.0) * (_STOPS - 1)
+    i, j = min(int(row), _USES - 2), min(int(column), _STOPS - 2)
+    down, right, table = row - i, column - j, slip.stable
+    above = table[i, j] + right * (table[i, j + 1] - table[i, j])
+    below = table[i + 1, j] + right * (table[i + 1, j + 1] - table[i + 1, j])
+    return float(above + down * (below - above))
 
 
 @kernel
@@ -254,21 +356,44 @@ def velocity_angle(slip: Record, car: Record, speed: float, yaw_rate: float) -> 
     if not (slip.needs_slip_angle and speed > 0.0 and math.isfinite(speed * yaw_rate)):
         return 0.0
     force = min(abs(speed * yaw_rate) / car.gravity, slip.most)
-    return float(-math.copysign(force / slip.rear_stiffness, yaw_rate))
+    return float(-math.copysign(slip_angle(slip.rear, force), yaw_rate))
 
 
 @kernel
-def to_velocity_frame(slip: Record, car: Record, geometry: Record, odometry: Record, frame: Record) -> float:
+def ground_speed(slip: Record, car: Record, wheels: float, steering_angle: float, command: float) -> float:
+    """Return how fast a car moves [m/s] whose wheels, by a command of `command` [m/s], roll at `wheels` [m/s].
+
+    The motor's servo pulls with a = (command - wheels) / its time constant. For this the wheels are faster than the
+    ground by a slip ratio s, or slower: v = wheels / (1 + s). A car that brakes by half of its grip on tires of 5 /rad
+    is faster by a tenth than its wheels tell. Tires are taken to be as stiff along as they are across. A shaft that is
+    wound up by the steering angle [rad] makes the rear wheels faster, see `_wound_up`.
+    """
+    if slip.wound_up > 0.0:
+        wheels /= 1.0 + (1.0 - slip.wound_up) * (1.0 - math.cos(steering_angle))
+    if not (wheels > _SLOW and command > 0.0):
+        return wheels
+    pull = saturate((command - wheels) / car.speed_time_constant, car.max_acceleration) / car.gravity
+    ratio = 0.5 * (slip_angle(slip.front, abs(pull)) + slip_angle(slip.rear, abs(pull)))
+    return wheels / (1.0 + math.copysign(min(ratio, _MOST_RATIO), pull))
+
+
+@kernel
+def to_velocity_frame(
+    slip: Record, car: Record, geometry: Record, odometry: Record, command: float, frame: Record
+) -> float:
     """Write a scan's geometry and a motion in the velocity frame; return the curvature [1/m] of the car's path.
 
     Args:
       slip: of type SLIP.
       car: of type CAR.
       geometry: of type SCAN_GEOMETRY.
-      odometry: of type ODOMETRY.
+      odometry: of type ODOMETRY; in the frame its speed is that over the ground.
+      command: the last speed that the wheels were to have [m/s], in the odometry's measure.
       frame: of type VELOCITY_FRAME, written to.
     """
-    speed, yaw_rate, seen, last = odometry.speed, odometry.angular_velocity[2], frame.odometry, frame.angle
+    yaw_rate, seen, last = odometry.angular_velocity[2], frame.odometry, frame.angle
+    speed = ground_speed(slip, car, odometry.speed, odometry.steering_angle, command)
+    frame.excess = odometry.speed - speed
     frame.angle = velocity_angle(slip, car, speed, yaw_rate)
     frame.geometry.angle_min, frame.geometry.angle_increment = (
         geometry.angle_min - frame.angle,

@@ -35,8 +35,8 @@ from ..control.planner_settings import (
     setting,
     setting_of_car,
 )
-from ..control.slip import path_lag
-from .friction_limiter import LIMITER, FrictionLimiter, FrictionLimiterSettings, longitudinal_share
+from ..control.slip import lock_arc, path_lag
+from .friction_limiter import LIMITER, FrictionLimiter, FrictionLimiterSettings, longitudinal_share, stable_share
 
 _TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
 _PRESENT = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])  # shares in use when the scan is taken
@@ -238,7 +238,7 @@ def _stop(limiter: Record, settings: Record, speed: float, present: float, turni
     The car starts at `speed` [m/s] with the share `present` of the cornering grip in use and turns to the share
     `turning` once it has reacted.
     """
-    tightest = math.tan(limiter.car.max_steering_angle) / limiter.car.wheelbase
+    tightest = math.tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase
     braking = min(settings.braking_share * limiter.lateral, limiter.braking)
     curvature = min(max(present * limiter.lateral / speed**2, -tightest), tightest)
     x, y, heading, way = 0.0, 0.0, 0.0, 0.0
@@ -251,7 +251,10 @@ def _stop(limiter: Record, settings: Record, speed: float, present: float, turni
                 lag += path_lag(limiter.slip, speed)
             curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / lag))
             used = min(abs(curvature) * speed**2 / limiter.lateral, 0.999)  # below 1, or it never stops
-            speed = max(speed - braking * longitudinal_share(used, limiter.exponent) * _STEP, 0.0)
+            held = braking * longitudinal_share(used, limiter.exponent)
+            if limiter.slip.needs_slip_angle:
+                held = min(held, stable_share(limiter, 1.0, used, speed) * limiter.braking)
+            speed = max(speed - held * _STEP, 0.0)
         distance = speed * _STEP
         heading += curvature * distance
         x += distance * math.cos(heading)

@@ -59,7 +59,7 @@ from ..control.planner_settings import (
     setting,
     setting_of_car,
 )
-from ..control.slip import SLIP, fastest_on, slip_row, tightest_arc
+from ..control.slip import SLIP, driving_held, fastest_on, slip_row, stable_braking, tightest_arc
 from ..control.speed import friction_speed, friction_steering, lifting_share, share_of_way
 from ..control.steering import saturate
 
@@ -67,6 +67,7 @@ _CORNERING_EXPONENT = 0.9  # of the F1TENTH car, see 4 above
 _SLOWEST_GROWTH = 0.7  # [-] of braking, see 5 above: slower, and stops get longer than the car sees
 _STEADY_EXPONENT = 0.7  # the same on steady circles
 _SLOW = 0.6  # [m/s] a faster car brakes as its stops are planned
+_LEAST_STABLE = 0.2  # share of braking, whatever the critical speed: a car that does not brake is no slower
 _FOUND_AT = 1.0489  # friction coefficient at which 0.9 and the shares for evading were found
 _LOAD_KEPT = 0.476  # least share that the inner rear wheel of the cars for which they were found keeps, see `evasive`
 _LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
@@ -193,6 +194,13 @@ def longitudinal_share(lateral_use: float, exponent: float) -> float:
 
 
 @kernel
+def stable_share(limiter: Record, share: float, lateral_use: float, speed: float) -> float:
+    """Return a share of braking, or what is stable of it, see `stable_braking`; a fifth of it at least."""
+    stable = stable_braking(limiter.slip, lateral_use, speed) * limiter.car.gravity / limiter.braking
+    return float(min(share, max(stable, _LEAST_STABLE * share)))
+
+
+@kernel
 def limited(
     limiter: Record,
     memory: Record,
@@ -221,6 +229,8 @@ def limited(
     """
     car, now = limiter.car, abs(speed_now)
     target, allowed = held_on_circle(limiter, steering_angle, speed, now, least_lateral_use)
+    if limiter.slip.needs_slip_angle and not planned:
+        target = _held_on_path(limiter, memory.curvature, target, angle_now, now)
     slope = math.tan(angle_now)
     step = _steering_rate(limiter, slope, now, target - angle_now) * limiter.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
@@ -252,6 +262,21 @@ def held_on_circle(
             allowed = min(allowed, fastest_on(limiter.slip, saturate(steering_angle, car.max_steering_angle)))
         limit = min(limit, tightest_arc(limiter.slip, now))
     return saturate(steering_angle, limit), allowed
+
+
+@kernel
+def _held_on_path(limiter: Record, curvature: float, target: float, angle_now: float, now: float) -> float:
+    """Return a steering angle [rad] with which the path is no tighter than 1 allows, although the car turns in more.
+
+    The path has a curvature [1/m] now. Where it is tighter than the arc of the wheels, the rear axle needs a greater
+    slip angle than the one in front: that much less of an arc is left to them.
+    """
+    car = limiter.car
+    more = math.atan(car.wheelbase * curvature) - angle_now
+    if not (more * curvature > 0.0 and curvature * target > 0.0):
+        return target
+    most = friction_steering(now, limiter.mu * limiter.settings.lateral_use, car.wheelbase, car.gravity)
+    return saturate(target, max(most - abs(more), 0.0))
 
 
 @kernel
@@ -319,6 +344,8 @@ def _approach(
         most, exponent = limiter.accelerating, limiter.exponent
     used /= grip
     if not planned:
+        if limiter.slip.needs_slip_angle:
+            used = max(used, abs(speed_now * speed_now * memory.curvature) / grip)
         estimate = most * max(1.0 - used, 0.0)
         if abs(reference) < abs(estimate):
             estimate = reference
@@ -328,7 +355,13 @@ def _approach(
             used = max(used, steady * moved, memory.lateral_use)
         memory.lateral_use = moved
     share = longitudinal_share(used, exponent)
+    if limiter.slip.needs_slip_angle and reference * speed_now >= 0.0:
+        reverse, use = reference < 0.0, settings.accelerating_use
+        held = car.gravity * driving_held(limiter.slip, car, math.atan(slope), reverse, use)
+        most = math.copysign(min(abs(most), held), most)
     if reference < 0.0:
+        if limiter.slip.needs_slip_angle:
+            share = stable_share(limiter, share, used, abs(speed_now))
         grown = min(memory.acceleration, 0.0) + most * max(share, _SLOWEST_GROWTH) * growth
         return float(max(reference, most * share, grown))
     return float(min(reference, most * share, max(memory.acceleration, 0.0) + most * growth))
@@ -374,7 +407,7 @@ class FrictionLimiter:
         self.record["mu"] = held
         for name in ("lateral", "braking", "accelerating", "yaw_lag", "exponent", "braking_exponent"):
             self.record[name] = getattr(self, name)
-        self.record["slip"] = slip_row(car, self.lateral)
+        self.record["slip"] = slip_row(car, mu, self.lateral)
         self._memory = np.zeros(1, LIMITER_MEMORY)
 
     def reset(self) -> None:

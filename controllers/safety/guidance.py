@@ -36,7 +36,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
-from ..control.slip import late_on_path
+from ..control.slip import late_on_path, lock_arc
 from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_point, steer_along
 from ..perception.cell_marks import AT_WALL, NEAR_WALL
@@ -421,7 +421,7 @@ def _speed_on(memory: Record, motion: Record, first: int, limiter: Record, setti
 @kernel
 def _speed_to_frontier(limiter: Record, settings: Record, way_to_go: float) -> float:
     """Return the speed [m/s] from which the car can turn at full lock behind a hidden frontier."""
-    tightest = math.tan(limiter.car.max_steering_angle) / limiter.car.wheelbase
+    tightest = math.tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase
     turning = settings.grip * limiter.lateral / tightest
     return math.sqrt(turning + 2.0 * settings.hidden_braking * limiter.braking * way_to_go)
 

@@ -39,6 +39,7 @@ from ..control.actuation import apply_limits_of
 from ..control.decision import extend_path
 from ..control.planner_settings import Record
 from ..control.reasons import REMEMBERED_LINE, log_step
+from ..control.slip import lock_arc
 from ..control.stages import Stage
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y, next_point
@@ -293,7 +294,7 @@ def _finish(line: Record, limiter: Record) -> None:
     average(points[:count, CURVATURE])
     lateral_use, _ = uses_on(limiter)
     share, lag, car = _TURNING_USE * limiter.settings.turn_in_use, limiter.yaw_lag, limiter.car
-    tightest = math.tan(car.max_steering_angle) / car.wheelbase
+    tightest = math.tan(lock_arc(limiter.slip, car)) / car.wheelbase
     rear_lag = car.yaw_inertia / (car.mass * car.front_axle_distance)
     for k in range(count):
         bend = points[k, CURVATURE]

@@ -121,7 +121,7 @@ def _command(
     if not abs(aside) < LEAVES:  # nor is NaN
         return False
     steering, speed, _ = reference_on(window, position, aside, turned, spacing, limiter, now, True)
-    angle = arc_angle(slip, car, trial.steering, now)
+    angle, trial.memory.curvature = arc_angle(slip, car, trial.steering, now), trial.yaw_rate / max(now, _START)
     steering, speed = limited(limiter, trial.memory, steering, min(speed, max_speed), 1.0, angle, now, period, False)
     trial.commands[1:] = trial.commands[:-1].copy()
     trial.commands[0, 0], trial.commands[0, 1] = steered(slip, car, steering, now), speed
@@ -142,12 +142,11 @@ def move_car(trial: Record, limiter: Record, since: float, period: float) -> Non
     lf, lr, b, height = car.front_axle_distance, car.rear_axle_distance, car.wheelbase, car.center_of_gravity_height
     front_angle = trial.steering - math.atan2(trial.sideways + lf * trial.yaw_rate, v)
     rear_angle = -math.atan2(trial.sideways - lr * trial.yaw_rate, v)
-    share = min(limiter.mu / min(slip.front.D, slip.rear.D), 1.0)  # curves of less friction than as published
     ahead = v * step / slip.relaxation_length
     trial.slip[0] = (trial.slip[0] + ahead * front_angle) / (1.0 + ahead)
     trial.slip[1] = (trial.slip[1] + ahead * rear_angle) / (1.0 + ahead)
-    front = _force(slip.front, share, trial.slip[0], (car.gravity * lr - drive * height) / b, drive)
-    rear = _force(slip.rear, share, trial.slip[1], (car.gravity * lf + drive * height) / b, drive)
+    front = _force(slip.front, trial.slip[0], (car.gravity * lr - drive * height) / b, drive)
+    rear = _force(slip.rear, trial.slip[1], (car.gravity * lf + drive * height) / b, drive)
     cos, sin = math.cos(trial.steering), math.sin(trial.steering)
     trial.sideways += step * (front * cos + rear - trial.speed * trial.yaw_rate)
     trial.yaw_rate += step * car.mass * (lf * front * cos - lr * rear) / car.yaw_inertia
@@ -161,16 +160,12 @@ def move_car(trial: Record, limiter: Record, since: float, period: float) -> Non
 
 
 @kernel
-def _force(axle: Record, share: float, slip: float, load: float, drive: float) -> float:
-    """Return the lateral force of an axle over the car's mass [m/s^2]; load and drive are over it, too.
-
-    `share` is that of its friction as published.
-    """
-    peak = share * axle.D
+def _force(axle: Record, slip: float, load: float, drive: float) -> float:
+    """Return the lateral force of an axle over the car's mass [m/s^2]; load and drive are over it, too."""
     if axle.C == 0.0:
-        return float(load * saturate(share * axle.B * slip, peak))
-    used = min(0.5 * abs(drive) / (peak * max(load, 1e-3)), 0.99)
-    return float(load * math.sqrt(1.0 - used * used) * peak * math.sin(axle.C * math.atan(axle.B * slip)))
+        return float(load * saturate(axle.B * slip, axle.D))
+    used = min(0.5 * abs(drive) / (axle.D * max(load, 1e-3)), 0.99)
+    return float(load * math.sqrt(1.0 - used * used) * axle.D * math.sin(axle.C * math.atan(axle.B * slip)))
 
 
 @kernel

@@ -25,6 +25,7 @@ from fg_mujoco.messages import FloatArray
 
 from ..control.band_program import least_on_ring_into
 from ..control.planner_settings import Record
+from ..control.slip import lock_arc
 from .friction_limiter import longitudinal_share
 
 _ENTRIES = 33  # of the tables of what cornering leaves
@@ -69,7 +70,7 @@ def quicken(
         accelerating[k] = limiter.accelerating * longitudinal_share(used, limiter.exponent)
         braking[k] = braking_use * limiter.braking * longitudinal_share(used, limiter.braking_exponent)
     power = car.max_acceleration * car.power_limit_speed
-    lock = _LOCK_USE * math.tan(car.max_steering_angle) / car.wheelbase
+    lock = _LOCK_USE * math.tan(lock_arc(limiter.slip, car)) / car.wheelbase
     bends, to, on, mean = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     speeds, by_bend, by_step = np.empty(n), np.empty(n), np.empty(n)
     here = aside[:, 0].copy()

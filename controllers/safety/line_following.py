@@ -21,7 +21,7 @@ from fg_mujoco.messages import FloatArray
 from ..control.planner_settings import Record
 from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y
-from .friction_limiter import longitudinal_share
+from .friction_limiter import longitudinal_share, stable_share
 
 RADIUS = 4  # column of the line after those of control.tracking: the greatest speed squared over `lateral` [m]
 DEMAND = 5  # column: the acceleration that the tires hold while the car brakes, over the speed squared [1/m]
@@ -113,7 +113,10 @@ def speed_on(points: FloatArray, position: float, spacing: float, limiter: Recor
         corner = limiter.lateral * points[k, RADIUS]
         if square < corner:
             used = square * demand / grip
-            square += 2.0 * braking * longitudinal_share(used, limiter.braking_exponent) * spacing
+            share = longitudinal_share(used, limiter.braking_exponent)
+            if limiter.slip.needs_slip_angle:
+                share = stable_share(limiter, share, used, math.sqrt(square))
+            square += 2.0 * braking * share * spacing
         squares[k] = square = min(square, corner)
         demand = points[k, DEMAND]
     best = math.inf

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from fg_mujoco.compiled.kernels import kernel
 
 from ..control.planner_settings import Record
+from ..control.slip import lock_arc
 from ..perception.cell_distances import FAR, UNIT
 from ..perception.cell_marks import AT_WALL
 from ..perception.frontiers import distance_to_goal_around, distance_to_goal_at
@@ -101,7 +102,7 @@ def search_motion(
     """
     car, world = limiter.car, frontier.map
     lateral = grip * limiter.lateral
-    tightest = lock * math.tan(car.max_steering_angle) / car.wheelbase
+    tightest = lock * math.tan(lock_arc(limiter.slip, car)) / car.wheelbase
     slowest = lateral / tightest  # [m^2/s^2] square of the speed at which full lock is held
     motion.found, motion.count = False, 0
     if most_nodes <= 2 * _SHARES:

@@ -38,6 +38,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
+from ..control.slip import lock_arc
 from ..control.speed import share_of_way
 from ..control.steering import arc_through
 from .predictions import COS, FROM_WALL, RADIUS, SEEN, SIN, SPEED, TO_WALL, TURNS, X, Y, occupied, occupied_if_it_turns
@@ -302,7 +303,7 @@ def _lay(
     """
     car = limiter.car
     lidar, front, to_bumper = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width, 0.25 * car.width
-    lock = math.tan(car.max_steering_angle) / car.wheelbase
+    lock = math.tan(lock_arc(limiter.slip, car)) / car.wheelbase
     x, y, heading, curvature = -lidar, 0.0, 0.0, math.tan(angle) / car.wheelbase
     cos, sin, last = 1.0, 0.0, False
     to_x, to_y = place

@@ -8,7 +8,17 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.controllers.control.slip import arc_angle, held_arc, slip_angle, slip_row, steered
+from fg_mujoco.controllers.control.slip import (
+    arc_angle,
+    driving_held,
+    ground_speed,
+    held_arc,
+    lock_arc,
+    slip_angle,
+    slip_row,
+    stable_braking,
+    steered,
+)
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
 from fg_mujoco.lab.lab_ground import LabGround
@@ -31,10 +41,35 @@ def test_the_arc_of_the_steering_angle_for_an_arc_is_this_arc(speed, angle):
         assert arc_angle(limiter["slip"], limiter["car"], steering, speed) == pytest.approx(angle, abs=1e-5)
 
 
-def test_a_corridor_that_an_understeering_car_crashed_in_is_lapped():
-    result = fg.race("l_corridor", laps=1, tires="forzaeth_nuc6")
-    assert result.car.finished and result.car.max_slide_m_s == 0.0
-    assert result.world.parameters.front_peak == pytest.approx(0.877, abs=1e-3)
+@each("tires", [name for name in tire_names() if name not in ("coulomb", "contact")])  # a shaft lets stiff ones slide
+@each("controller", ["gap_finder", "disparity_extender"])
+def test_a_corridor_that_soft_tires_crashed_in_is_lapped_on_every_set_and_no_tire_slides(tires, controller):
+    car = fg.race("l_corridor", controller, laps=1, tires=tires, mu=1.0489).car
+    assert car.finished and car.collisions_wall == 0
+    assert car.slide_time_fraction == 0.0 or math.isnan(car.slide_time_fraction)
+
+
+def test_a_car_at_full_lock_runs_on_the_arc_that_its_wound_up_shaft_leaves():
+    ground = LabGround()
+    slip, car = (FrictionLimiter(ground.car.parameters, 0.94).record[0][name] for name in ("slip", "car"))
+    ground.place(0.5)
+    turned = ground.run([DriveCommand(steering_angle=0.4189, speed=0.5)] * 80)
+    arc = math.tan(lock_arc(slip, car)) / car["wheelbase"]
+    assert turned.yaw_rate[-1] / turned.speed[-1] == pytest.approx(arc, rel=0.02)
+    assert arc < 0.96 * math.tan(0.4189) / car["wheelbase"]
+
+
+@each("reverse", [False, True])
+def test_the_rear_tires_drive_at_full_lock_up_to_their_share_of_the_peak(reverse):
+    ground = LabGround()
+    slip, car = (FrictionLimiter(ground.car.parameters, 0.94).record[0][name] for name in ("slip", "car"))
+    held, sign = driving_held(slip, car, 0.4, reverse, 0.865) * 9.81, -1.0 if reverse else 1.0
+    ground.place(0.0)
+    ground.run([DriveCommand(steering_angle=0.42, speed=0.0)] * 20)
+    driver = lambda odometry: DriveCommand(steering_angle=0.42, speed=odometry.speed + sign * held * 0.1)  # noqa: E731
+    trace = ground.drive(driver, 0.3, 0.005)
+    use = trace.slip.friction_utilisation[-20:, 2:].mean()
+    assert use == pytest.approx(0.865, abs=0.08) and not trace.slip.slides.any()
 
 
 def circled(tires, radius):
@@ -67,7 +102,7 @@ def test_the_wheels_are_turned_out_by_as_much_as_the_car_turns_in_by_itself():
     assert held_arc(slip, car, 0.1, 1.5 * arc) == pytest.approx(math.atan(0.5 * math.tan(0.1)))
     assert held_arc(slip, car, -0.1, -1.5 * arc) == -held_arc(slip, car, 0.1, 1.5 * arc)
     assert held_arc(slip, car, 0.0, arc) < 0.0  # steered against it
-    assert held_arc(slip_row(CAR, 9.0)[0], car, 0.1, 1.5 * arc) == 0.1
+    assert held_arc(slip_row(CAR, 1.0, 9.0)[0], car, 0.1, 1.5 * arc) == 0.1
 
 
 def test_planners_are_told_of_bristles_below_20_per_rad_and_read_their_force_back():
@@ -78,6 +113,64 @@ def test_planners_are_told_of_bristles_below_20_per_rad_and_read_their_force_bac
 
     assert bristles(20.0).for_planners() == {} == Tires.load("coulomb").for_planners()
     tires = bristles(12.0)
-    slip = slip_row(replace(CAR, **tires.for_planners()), 8.0)[0]
-    for angle in (0.01, 0.04, 0.07):
-        assert slip_angle(slip["front"], tires.axles[0].lateral.force(angle)) == pytest.approx(angle)
+    for floor in (0.9, 0.6):  # whose friction scales the force at each angle
+        slip = slip_row(replace(CAR, **tires.for_planners()), floor, 8.0)[0]
+        for angle in (0.01, 0.04, 0.07):
+            force = floor / 0.9 * tires.axles[0].lateral.force(angle)
+            assert slip_angle(slip["front"], force) == pytest.approx(angle)
+
+
+@each("pull", [-6.0, -3.0, 2.0])
+def test_the_speed_over_the_ground_is_told_of_wheels_that_brake_and_drive(pull):
+    ground = LabGround(tires=Tires.load("f1tenth_gym"))
+    car = ground.car.parameters
+    limiter, lag = FrictionLimiter(car, 1.0489).record[0], car.speed_time_constant
+    ground.place(6.0 if pull < 0.0 else 3.0)
+    command = 0.0
+    for _ in range(16):
+        rolling = ground.car.odometry(ground.data).speed
+        command = rolling + pull * lag
+        trace = ground.hold(DriveCommand(steering_angle=0.0, speed=command), 0.005)
+    rolling, moving = ground.car.odometry(ground.data).speed, trace.speed[-1]
+    assert abs(rolling / moving - 1.0) > 0.03
+    assert ground_speed(limiter["slip"], limiter["car"], rolling, 0.0, command) == pytest.approx(moving, rel=0.015)
+    assert ground_speed(limiter["slip"], limiter["car"], rolling, 0.0, 0.0) == rolling  # no command is known
+
+
+def tangent(axle, lateral, braking):
+    """Force of an axle over its load for each rad, with the slip ratio as it is: by differences, along the slip."""
+    size = math.hypot(lateral, braking)
+    total = slip_angle(axle, size)
+    ratio, angle = total * braking / size, total * lateral / size
+
+    def force(angle):  # `slip_angle` read back
+        total, low, high = math.hypot(ratio, angle), 0.0, 0.97 * axle["D"]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if slip_angle(axle, middle) < total else (low, middle)
+        return low * angle / total
+
+    return (force(angle + 1e-5) - force(angle - 1e-5)) / 2e-5
+
+
+@each("tires", ["forzaeth_nuc2", "slipx_reference", "f1tenth_gym"])
+@each("use", [0.1, 0.5, 0.7])
+def test_braking_is_held_where_the_single_track_model_becomes_unstable(tires, use):
+    """Oracle: the determinant of the linear single-track model with the axles' tangents, which changes its sign."""
+    car, speed, mu = replace(CAR, **Tires.load(tires).for_planners()), 7.0, 0.9
+    slip = slip_row(car, mu, 8.0)[0]
+    lf, lr, h, g = car.front_axle_distance, car.rear_axle_distance, car.center_of_gravity_height, car.gravity
+    lateral = use * slip["most"]
+
+    def determinant(braking):
+        stiff = []
+        for axle, static, load in (("front", lr, 1.0 + h / lr * braking), ("rear", lf, 1.0 - h / lf * braking)):
+            stiff.append(g * static / car.wheelbase * load * tangent(slip[axle], lateral / load, braking))
+        front, rear = stiff  # over the mass [m/s^2 / rad]
+        heavy = car.mass / car.yaw_inertia
+        unequal, both = lr * rear - lf * front, lf**2 * front + lr**2 * rear
+        across = [-(front + rear) / speed, unequal / speed - speed]
+        return np.linalg.det([across, [heavy * unequal / speed, -heavy * both / speed]])
+
+    held = stable_braking(slip, use, speed)
+    assert determinant(0.9 * held) > 0.0 > determinant(1.15 * held)
