@@ -393,8 +393,9 @@ def _write_telemetry(telemetry: FloatArray, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(TELEMETRY)
-        # repr is the shortest text that gives the same float back
-        writer.writerows([repr(value).removesuffix(".0") for value in row] for row in telemetry.tolist())
+        # repr is the shortest text that gives the same float back; NaN is an empty cell
+        cells = ([repr(value).removesuffix(".0") for value in row] for row in telemetry.tolist())
+        writer.writerows(["" if cell == "nan" else cell for cell in row] for row in cells)
 
 
 def _read_telemetry(path: Path) -> FloatArray:
@@ -411,7 +412,7 @@ def _read_telemetry(path: Path) -> FloatArray:
             row = line.split(b",")
             if len(row) != len(TELEMETRY) or not line.endswith(b"\n"):
                 raise ValueError(f"line {number} is torn, too long, or has not {len(TELEMETRY)} columns")
-            values.extend(map(float, row))
+            values.extend(float(cell) if cell.strip() else math.nan for cell in row)
     table = np.array(values, dtype=np.float64).reshape(-1, len(TELEMETRY))
     known = np.isnan(table)
     known[:, [name in ALWAYS_NUMBERS for name in TELEMETRY]] = False

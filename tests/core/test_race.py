@@ -256,7 +256,7 @@ def test_rows_hold_what_the_planner_heard_and_said_and_what_the_actuators_got():
 
 
 def test_the_figures_of_sliding_are_those_of_the_rows():
-    result = fg.race("oval", laps=1, planner_mu=1.6, time_limit=6.0)
+    result = fg.race("oval", laps=1, tires="coulomb", planner_mu=1.6, time_limit=6.0)
     slides = np.column_stack([result.car.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
     sliding = result.car.column("sliding_steps")
     assert result.car.max_slide_m_s == np.nanmax(slides) > SLIDING_SPEED
@@ -323,7 +323,7 @@ def test_the_motion_columns_are_those_of_the_recorded_states(lap):
     assert moves.sum() > 300 and not moves[0]
     sideslip = np.arctan2(gravity_centre[:-1, 1], gravity_centre[:-1, 0])
     assert lap.car.column("sideslip_rad")[moves] == pytest.approx(sideslip[moves], abs=1e-9)
-    assert np.isnan(lap.car.column("sideslip_rad")[~moves]).all() and np.abs(sideslip[moves]).max() > 0.02
+    assert np.isnan(lap.car.column("sideslip_rad")[~moves]).all() and np.abs(sideslip[moves]).max() > 0.01
 
     change = np.diff(velocities[:, 1], axis=0) / np.diff(lap.states[:, 0])[:, None]
     half_way = axes[1:, 0] + axes[:-1, 0]
@@ -345,4 +345,4 @@ def test_the_hash_is_of_every_bit_of_states_and_controls(short_race):
     assert short_race.trajectory_sha256 == digest
     again = fg.race("oval", Straight(), laps=1, time_limit=0.99)
     assert again.trajectory_sha256 == digest
-    assert fg.race("oval", Straight(0.9), laps=1, time_limit=0.99).trajectory_sha256 != digest
+    assert fg.race("oval", Straight(0.3), laps=1, time_limit=0.99).trajectory_sha256 != digest

@@ -1,5 +1,6 @@
 """Sets of tires: their curves against closed forms, their files, and what is refused."""
 
+import hashlib
 import json
 import math
 import re
@@ -7,6 +8,8 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from cases import each
@@ -23,6 +26,7 @@ from fg_mujoco.vehicle.tires import (
     curve_force,
     tire_names,
 )
+from fg_mujoco.vehicle.tires.sampled import sampled
 
 FOLDER = files("fg_mujoco.models") / "tires"
 NAMES = [name for name in tire_names() if name != "contact"]
@@ -238,3 +242,122 @@ def test_a_step_too_long_for_the_stiffness_of_tires_is_refused_in_one_line(tmp_p
         fg.ModelError, match=r"^timestep is 0.005 s with tires so stiff; accepted: up to 0.00272 s, or tires with less"
     ):
         fg.Simulation(fg.World("oval", tires=path))
+
+
+# -- any law
+
+
+@st.composite
+def any_law(draw):
+    """A law of each kind, and what kernels know of it as one of a user's own."""
+    d = draw(st.floats(0.2, 1.5))
+    stiffness = draw(st.floats(3.0, 60.0))
+    kind = draw(st.sampled_from((Coulomb, Brush, Linear, MagicFormula)))
+    if kind is MagicFormula:
+        law = MagicFormula(B=stiffness / 1.5 + 3.0, C=draw(st.floats(1.2, 1.9)), D=d, E=draw(st.floats(-2.0, 0.8)))
+    else:
+        law = kind(D=d, stiffness=stiffness)
+    return draw(st.sampled_from((law, sampled(law, "drawn"))))
+
+
+@given(any_law(), st.lists(st.floats(0.0, 1.5), min_size=2, max_size=40))
+def test_a_law_is_odd_steady_bounded_by_its_peak_and_begins_with_its_slope(law, slips):
+    slips, number, row = sorted(slips), LAWS.index(type(law)), law.row()
+    forces = [law.force(slip) for slip in slips]
+    assert [law.force(-slip) for slip in slips] == [-force for force in forces]
+    assert [curve_force(number, row, slip) for slip in slips] == pytest.approx(forces, rel=1e-12, abs=1e-15)
+    steepest = 1.1 * law.slope * np.diff(slips) + 1e-6
+    assert (np.abs(np.diff(forces)) <= np.maximum(steepest, 1.1 * np.abs(np.diff(slips)) * law.peak * 20.0)).all()
+    assert law.force(1e-8) == pytest.approx(1e-8 * law.slope, rel=1e-3)
+    if law.has_peak:
+        assert max(forces) <= law.peak * (1.0 + 1e-9) and law.force(law.peak_slip) >= 0.98 * law.peak
+    doubled = law.scaled(0.5)
+    assert [doubled.force(slip) for slip in slips] == pytest.approx([0.5 * f for f in forces], abs=1e-12)
+    assert type(law).unpacked(law.packed()) == law
+
+
+@each("law", [MagicFormula(B=10.0, C=1.6, D=1.1, E=0.3), Brush(D=1.0, stiffness=200.0), Linear(D=1.0, stiffness=5.0)])
+def test_a_sampled_law_is_near_the_law(law):
+    found = sampled(law, "mine")
+    for slip in np.linspace(0.0, 1.2, 2001):
+        used = min(slip, law.peak_slip) if law.holds else min(slip, 1.0)
+        assert found.force(slip) == pytest.approx(law.force(used), abs=2e-4 * law.peak)
+    assert (found.holds, found.has_peak) == (law.holds, law.has_peak)
+
+
+OWN_LAW = '''
+import math
+from dataclasses import dataclass
+from fg_mujoco.vehicle.tires import Law
+@dataclass(frozen=True, kw_only=True)
+class Mine(Law):
+    D: float
+    peak_slip = 0.2
+    slope = property(lambda self: self.D * math.pi / 0.4)
+    peak = property(lambda self: self.D)
+    def force(self, slip):
+        return math.copysign(self.D * math.sin(math.pi / 0.4 * min(abs(slip), 0.3)), slip)
+'''
+
+
+def own_set(folder, law=OWN_LAW, model="mine.py:Mine"):
+    axle = "D = 0.9\nrelaxation_length = 0.02\n"
+    (folder / "mine.py").write_text(law)
+    (folder / "mine.toml").write_text(f'model = "{model}"\n[front]\n{axle}[rear]\n{axle}')
+    return folder / "mine.toml"
+
+
+def test_a_law_in_a_file_drives_races_rollouts_and_replays_which_run_none_of_its_code(tmp_path):
+    path = own_set(tmp_path)
+    tires = Tires.load(path)
+    assert tires.law == f"mine.py:Mine, sha256 {hashlib.sha256(OWN_LAW.encode()).hexdigest()}"
+    assert tires == Tires.load(own_set(tmp_path, model="mine.py")) and tires.peak == 0.9 and tires.slides
+    short = {"tires": tires, "laps": 1, "time_limit": 1.5}
+    race = fg.race("oval", **short)
+    folder = fg.write_run(race, tmp_path / "run")
+    (tmp_path / "mine.py").write_text("raise SystemExit")
+    assert fg.replay(folder).identical
+    settings = json.loads((folder / "summary.json").read_text())["settings"]
+    assert settings["tires"]["law"] == tires.law
+    again = fg.race(fg.Setup.read(settings))
+    assert again.trajectory_sha256 == race.trajectory_sha256
+    for workers in (1, 2):
+        assert fg.rollout("oval", n=2, seed=0, workers=workers, **short).setup(1).first.tire_set == tires
+
+
+@each(
+    ("old", "new", "said"),
+    [
+        ("math.copysign(", "abs(", r"force\(.*\) fails: TypeError"),
+        ("def force(self, slip)", "def force(self)", r"force\(0\) fails: TypeError: .*; accepted: force\(self, sl"),
+        ("self.D * math.sin", "math.nan * math.sin", r"force\(0\) is nan and force\(-0\) is nan; accepted: finite"),
+        ("math.copysign(self.D", "(lambda a, b: a)(self.D", r"force\(.*\) is .*; accepted: finite numbers, the"),
+        ("peak_slip = 0.2", "peak_slip = 0.1", r"the peak is 0.9 at a slip of 0.1, but the force is 0.636"),
+        ("lambda self: self.D)", "lambda self: 0.8)", r"the peak is 0.8 .* and greatest, 0.9, at 0.199; acc"),
+        ("lambda self: self.D)", "lambda self: [1])", r"peak fails: TypeError"),
+        ("peak_slip = 0.2", "peak_slip = math.inf", r"it has no peak, but its force falls past a slip of 0.199"),
+        ("/ 0.4)", "/ 0.3)", r"slope is 9.42478, but the force has 7.069 per rad"),
+        ("self.D * math.sin", "(slip > 0.25 and 0.2) + self.D * math.sin", r"force\(0.25.*\) is .*; accepted: finite"),
+        ("self.D * math.sin(", "(abs(slip) < 0.25) * self.D * math.sin(", r"the force jumps at a slip of 0.2"),
+        ("import math", "import nothing_such", r"tire law mine.py does not import: ModuleNotFoundError"),
+        ("class Mine", "class Other", r"tire law mine.py has no Mine; accepted: Other"),
+        ("(Law)", "", r"tire law mine.py has no Mine; accepted: a subclass of Law there"),
+    ],
+)
+def test_a_law_that_is_not_what_it_says_is_refused_in_one_line(tmp_path, old, new, said):
+    assert OWN_LAW.count(old) >= 1
+    with pytest.raises(fg.SettingsError, match=said) as error:
+        Tires.load(own_set(tmp_path, OWN_LAW.replace(old, new, 1)))
+    assert "\n" not in str(error.value) and "accepted: " in str(error.value) and "mine" in str(error.value)
+
+
+def test_a_law_is_found_by_the_name_that_a_package_registers(tmp_path, monkeypatch):
+    (tmp_path / "some_laws.py").write_text(OWN_LAW)
+    info = tmp_path / "some_laws-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: some-laws\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[fg_mujoco.tire_laws]\nmine = some_laws:Mine\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert Tires.load(own_set(tmp_path, model="mine")).law == "mine"
+    with pytest.raises(fg.SettingsError, match=r"model is 'min'; accepted: .* or path/to/law.py:Class"):
+        Tires.load(own_set(tmp_path, model="min"))

@@ -14,6 +14,7 @@ import contextlib
 import html
 import importlib.util
 import io
+import math
 import socket
 import threading
 import time
@@ -314,13 +315,14 @@ class LiveView:
         state = "\n\n".join(_plain(text) for text in parts if text)
         if session.failure is not None and session.failure.traceback:
             state += f"\n\n```\n{session.failure.traceback}```"
+        state = state or ("" if math.isnan(session.sliding_speed) else "no tire slides")
         self._status.content = (
             f"**{session.simulation.speed:.2f} m/s** at t = {session.simulation.time:.2f} s\n\n"
             f"limit {'none' if limit > 99.0 else f'{limit:.2f} m/s'}, "
             f"friction utilisation {session.friction_utilisation:.2f}, "
             f"sliding {sliding_text(session.sliding_speed, 3)}\n\n"
             f"{friction_text(session.world.car.mu, session.settings.assumed_mu)}\n\n"
-            f"lap {session.laps.laps_completed + 1}{best}\n\n{state or 'no tire slides'}"
+            f"lap {session.laps.laps_completed + 1}{best}\n\n{state}"
         )
         numbers = {name: value for name, value in session.values.now.items() if value.kind == NUMBER}
         drawn = {each.name: each.colour for each in session.drawings() if each.name}

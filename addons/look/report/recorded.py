@@ -151,7 +151,7 @@ def tick_columns(run: RecordedRun) -> dict[str, FloatArray]:
         tires = np.stack([columns[form.format(wheel)] for wheel in WHEELS])
         columns[name] = np.where(np.isnan(tires), 0.0, tires).max(axis=0)  # NaN: off the ground, and so no force
     if run.summary["max_slide_m_s"] is None:
-        columns["slide_m_s"][:] = np.nan
+        columns["slide_m_s"], columns["sliding_steps"] = np.full((2, len(columns["steps"])), np.nan)
     ahead, left = accelerations(columns["time_s"], columns["speed_m_s"], columns["yaw_rate_rad_s"])
     columns["acceleration_ahead_m_s2"], columns["acceleration_left_m_s2"] = ahead, left
     return columns

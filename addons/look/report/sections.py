@@ -143,7 +143,7 @@ def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> Html:
             f"{lap.number}{'' if lap.time is not None else ending}",
             *(_time(time, least) for time, least in zip((lap.time, *lap.sectors), best, strict=True)),
             f"{lap.top_speed:.2f}", f"{lap.mean_speed:.2f}", f"{lap.friction_utilisation:.2f}",
-            f"{100 * lap.sliding_share:.1f} %",
+            "not measured" if math.isnan(lap.sliding_share) else f"{100 * lap.sliding_share:.1f} %",
         )
         for lap in laps
     ]  # fmt: skip

@@ -1,16 +1,21 @@
 """A tire law: the force of a tire over its load, by its slip in one direction.
 
+    @dataclass(frozen=True, kw_only=True)
     class Curve(Law):
-        model = "my_law"
+        D: float
 
-A law is a frozen dataclass, in a module of its own, with a kernel `force` of its numbers. `tire_forces` does for all
-laws what they share: load, deflection of the contact patch, slip of both directions at once, damping. `laws` has them.
+        def force(self, slip): ...
+
+A law is a frozen dataclass. A bundled one has a module of its own, with a kernel `force` of its numbers; one of a
+user's own is `sampled`. `tire_forces` does for all laws what they share: load, deflection of the contact patch, slip of
+both directions at once, damping. `laws` has them.
 """
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
@@ -18,7 +23,7 @@ import numpy as np
 
 from ...messages import FloatArray
 
-NUMBERS = 8
+NUMBERS = 197
 """Number of values of a law that a kernel gets."""
 
 GREATEST_SLIP = 1.0
@@ -36,7 +41,7 @@ class Law:
       slides: whether it has a peak, past which a tire slides.
     """
 
-    model: ClassVar[str]
+    model: ClassVar[str] = ""
     holds: ClassVar[bool] = False
     slides: ClassVar[bool] = True
 
@@ -60,9 +65,9 @@ class Law:
         """Greatest force over the load [-]; where there is none, the friction that its planner assumes."""
 
     @property
-    @abstractmethod
     def numbers(self) -> tuple[float, ...]:
-        """The values for its kernel, up to NUMBERS of them."""
+        """The values for its kernel, up to NUMBERS of them; nothing of a law without one."""
+        return ()
 
     @property
     def has_peak(self) -> bool:
@@ -82,6 +87,15 @@ class Law:
     def needed(cls) -> tuple[str, ...]:
         """Return the names of those that a tire file must have."""
         return cls.value_names()
+
+    def packed(self) -> list[float]:
+        """Return its values as numbers in a row, as a compiled model has them; `unpacked` reads them."""
+        return [float(v) for name in self.value_names() for v in np.atleast_1d(getattr(self, name))]
+
+    @classmethod
+    def unpacked(cls, row: Sequence[float]) -> Law:
+        """Return the law of the values of `packed`."""
+        return cls(**dict(zip(cls.value_names(), row, strict=True)))
 
     def row(self) -> FloatArray:
         """Return its numbers, and zeros behind them. Shape (NUMBERS,)."""

@@ -29,7 +29,8 @@ from ...errors import ModelError, SettingsError, accepted_names
 from ...messages import require
 from ...registry import Registry
 from .law import Law
-from .laws import CONTACT, LAW_OF, LAWS, MODELS
+from .laws import CONTACT, LAW_OF, LAWS, MODELS, find_law, law_names
+from .sampled import sampled
 
 if TYPE_CHECKING:
     from importlib.abc import Traversable
@@ -44,8 +45,8 @@ OF_VEHICLE = "vehicle"
 """`friction` of a set whose greatest lateral peak is the friction of the vehicle's MJCF."""
 
 NUMERIC = "{}_tires"
-"""Name in a compiled model of the numbers of an axle's tires: the place of the law in LAWS, what the law needs of both
-curves, lateral first, then AXLE_KEYS."""
+"""Name in a compiled model of the numbers of an axle's tires: the place of the law in LAWS, those of both curves,
+lateral first, then AXLE_KEYS."""
 
 AXLE_KEYS = (
     "relaxation_length", "load_sensitivity", "nominal_load", "vertical_stiffness", "vertical_damping",
@@ -78,6 +79,10 @@ class AxleTires:
     rolling_resistance: float = 0.0  # [-] force against rolling, over the load
 
     def __post_init__(self) -> None:
+        for name in ("lateral", "longitudinal"):
+            curve = getattr(self, name)
+            if type(curve) not in LAWS:
+                object.__setattr__(self, name, sampled(curve, f"tire law {type(curve).__name__}"))
         require(self, lambda v: 1e-3 <= v <= 1.0, "0.001 to 1 m", ("relaxation_length",), SettingsError)
         require(self, lambda v: 0.0 <= v <= 0.5, "0 to 0.5", ("load_sensitivity",), SettingsError)
         require(self, lambda v: 0.0 < v <= 1000.0, "above 0, up to 1000 N", ("nominal_load",), SettingsError)
@@ -104,6 +109,7 @@ class Tires:
     rear: AxleTires | None = None
     name: str = field(default="contact", compare=False)
     floor: str = field(default="", compare=False)  # on which it was measured: a name of `floors`, or in words
+    law: str = field(default="", compare=False)  # that was sampled: its name, and the hash of its file
     friction: str = ""  # OF_VEHICLE: the greatest lateral peak is the vehicle's friction; empty: as the curves have it
 
     def __post_init__(self) -> None:
@@ -140,14 +146,18 @@ class Tires:
         if isinstance(source, Tires):
             return source
         if isinstance(source, Mapping):
-            return _of(source, "tires")
+            return _of(source, "tires", Path())
         if not isinstance(source, (str, Path)):
             raise SettingsError(f"tires is {source!r}; accepted: a bundled name, the path of a TOML file, or Tires")
         if isinstance(source, str) and not source.endswith(".toml") and "/" not in source:
             return _bundled(source)
         path = Path(source).expanduser()
         text = read_setting(path, f"tire file {source}", "a TOML file", _MOST_BYTES)
-        return _parsed(text, f"tire file {source}", path.stem)
+        from ...course.documents import read_toml_table
+
+        where = f"tire file {source}"
+        table = read_toml_table(text, where, "as models/tires/forzaeth_nuc2.toml")
+        return _of({"name": path.stem, **table}, where, path.parent)
 
     @property
     def is_contact(self) -> bool:
@@ -231,7 +241,7 @@ class Tires:
     def described(self) -> dict[str, Any]:
         """Return the set as its TOML file has it, as it can stand in JSON; `load` reads it."""
         found: dict[str, Any] = {"name": self.name, "model": self.model}
-        found |= {key: getattr(self, key) for key in ("floor", "friction") if getattr(self, key)}
+        found |= {key: getattr(self, key) for key in ("floor", "law", "friction") if getattr(self, key)}
         if not self.is_contact:
             for name, axle in zip(_AXLES, self.axles, strict=True):
                 found[name] = _values(axle.lateral) | {key: getattr(axle, key) for key in AXLE_KEYS}
@@ -242,7 +252,7 @@ class Tires:
     @property
     def sha256(self) -> str:
         """Hash of all its numbers."""
-        numbers = {name: value for name, value in self.described().items() if name != "floor"}
+        numbers = {name: value for name, value in self.described().items() if name not in ("floor", "law")}
         return hashlib.sha256(json.dumps(numbers, sort_keys=True).encode()).hexdigest()
 
 
@@ -255,7 +265,7 @@ def numbers_of(axle: AxleTires, law: str) -> list[float]:
     """Return the numbers that `tires_of` reads from a compiled model: see NUMERIC."""
     found = [float([own.model for own in LAWS].index(law))]
     for curve in (axle.lateral, axle.longitudinal):
-        found += [getattr(curve, key) for key in curve.value_names()]
+        found += curve.packed()
     return found + [getattr(axle, key) for key in AXLE_KEYS]
 
 
@@ -273,16 +283,18 @@ def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
         first = model.numeric_adr[index]
         values = model.numeric_data[first : first + model.numeric_size[index]].tolist()
         law = LAWS[int(values[0])] if values[0] in range(len(LAWS)) else LAWS[0]
-        keys = law.value_names()
-        if values[0] not in range(len(LAWS)) or len(values) != 1 + 2 * len(keys) + len(AXLE_KEYS):
+        size = (len(values) - 1 - len(AXLE_KEYS)) // 2
+        curves = values[1 : 1 + size], values[1 + size : 1 + 2 * size]
+        try:
+            if values[0] not in range(len(LAWS)) or len(values) != 1 + 2 * size + len(AXLE_KEYS):
+                raise ValueError
+            lateral, longitudinal = (law.unpacked(curve) for curve in curves)
+        except ValueError as error:
             raise ModelError(
                 f"numeric {model.numeric(index).name!r} is not that of tires of this version; accepted: a model that "
                 "World writes, or a run that is raced again"
-            )
-        lateral, longitudinal = (
-            law(**dict(zip(keys, values[1 + k * len(keys) :], strict=False))) for k in range(2)
-        )  # fmt: skip
-        rest = dict(zip(AXLE_KEYS, values[1 + 2 * len(keys) :], strict=True))
+            ) from error
+        rest = dict(zip(AXLE_KEYS, values[1 + 2 * size :], strict=True))
         axles[name] = AxleTires(lateral=lateral, longitudinal=longitudinal, **rest)
     return Tires(model=law.model, name="of the model", front=axles["front"], rear=axles["rear"])
 
@@ -308,36 +320,36 @@ def _bundled(name: str) -> Tires:
     file = _sets().find(name, ", or path/to/file.toml")
     if name not in _sets():
         return Tires.load(Path(str(file)))
-    return _of({"name": name, **parse_toml(file.read_text("utf-8"))}, f"tire file models/tires/{name}.toml")
+    where = f"tire file models/tires/{name}.toml"
+    return _of({"name": name, **parse_toml(file.read_text("utf-8"))}, where, Path())
 
 
-def _parsed(text: str, where: str, name: str) -> Tires:
-    from ...course.documents import read_toml_table
-
-    table = read_toml_table(text, where, "as models/tires/forzaeth_nuc2.toml")
-    return _of({"name": name, **table}, where)
-
-
-def _of(table: Mapping[str, Any], where: str) -> Tires:
-    """Return the tires of a table as TOML has it."""
-    _known(table, ("name", "like", "model", "floor", "friction", *_AXLES), where)
+def _of(table: Mapping[str, Any], where: str, folder: Path) -> Tires:
+    """Return the tires of a table as TOML has it; `folder` is where the file of its law may lie."""
+    _known(table, ("name", "like", "model", "law", "floor", "friction", *_AXLES), where)
     if "like" in table:
         table = {**_like(table["like"], where).described(), **table}
-    model, floor, friction = table.get("model"), table.get("floor", ""), table.get("friction", "")
+    model, law, floor, friction = (table.get(key, "") for key in ("model", "law", "floor", "friction"))
     if not isinstance(floor, str):
         raise SettingsError(f"{where}: floor is {floor!r}; accepted: the name of a floor, or a description")
-    if model not in MODELS:
-        raise SettingsError(f"{where}: model is {model!r}; {accepted_names(model, MODELS)}")
+    if not isinstance(law, str):
+        raise SettingsError(f"{where}: law is {law!r}; accepted: what a run says of it")
+    kind = LAW_OF.get(str(model))
+    if kind is None and model != CONTACT:
+        if not isinstance(model, str) or (".py" not in model and model not in law_names()):
+            accepted = accepted_names(model, MODELS, ", or path/to/law.py:Class")
+            raise SettingsError(f"{where}: model is {model!r}; {accepted}")
+        kind, law = find_law(model, folder, where)
     axles: dict[str, AxleTires] = {}
     for axle in _AXLES:
-        if model == CONTACT:
+        if kind is None:
             if axle in table:
                 raise SettingsError(f"{where}: has a table [{axle}]; accepted: none with the model {CONTACT!r}")
             continue
-        axles[axle] = _axle(_table(table, axle, where), model, f"{where}, [{axle}]")
+        axles[axle] = _axle(_table(table, axle, where), kind, f"{where}, [{axle}]")
     name = str(table.get("name", "tires"))
-    values = {"model": model, "name": name, "floor": floor, "friction": friction, **axles}
-    tires: Tires = _made(Tires, where, **values)
+    model = axles["front"].lateral.model if axles else CONTACT
+    tires: Tires = _made(Tires, where, model=model, name=name, law=law, floor=floor, friction=friction, **axles)
     return tires
 
 
@@ -347,8 +359,7 @@ def _like(name: Any, where: str) -> Tires:
     return Tires.load(name)
 
 
-def _axle(table: Mapping[str, Any], model: str, where: str) -> AxleTires:
-    law = LAW_OF[model]
+def _axle(table: Mapping[str, Any], law: type[Law], where: str) -> AxleTires:
     _known(table, (*law.value_names(), *AXLE_KEYS, "longitudinal"), where)
     lateral = _curve({name: table[name] for name in law.value_names() if name in table}, law, where)
     longitudinal = lateral

@@ -89,8 +89,8 @@ SAID = {
     "slipx": ["wheel_radius 0.05 of dynamics.yaml is not used", "Magic Formulas of sponge.yaml"],
     "car.urdf": ["mass 3.6 kg: the links", "greatest steering angle 0.4189 rad: not given, f1tenth's"],
 }
-TIRES = {"racecar.ini": "magic_formula", "params.yaml": "brush", "vesc.yaml": "coulomb", "NUC2": "magic_formula",
-         "slipx": "magic_formula", "car.urdf": "coulomb"}  # fmt: skip
+TIRES = {"racecar.ini": "magic_formula", "params.yaml": "brush", "vesc.yaml": "magic_formula",
+         "NUC2": "magic_formula", "slipx": "magic_formula", "car.urdf": "magic_formula"}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -153,7 +153,7 @@ def test_tires_are_those_that_are_told(folder):
     formula = Vehicle.load("three.json").tires.front.lateral
     assert (formula.B, formula.C, formula.D, formula.E) == (9.0, 1.4, 0.8, 0.0)
     write(folder, "own.yaml", GYM | {"C_Sf": 4.718, "C_Sr": 5.4562})  # which every file has
-    assert Vehicle.load("own.yaml").tires.model == "coulomb" and Vehicle.load("own.yaml").nominal_mu == 0.8
+    assert Vehicle.load("own.yaml").tires == Vehicle.load().tires and Vehicle.load("own.yaml").greatest_mu() == 0.8
 
 
 def test_what_is_not_this_car_s_is_said_and_not_used(folder):

@@ -46,7 +46,8 @@ def test_a_race_on_a_floor_is_that_at_its_friction_and_says_the_floor(tmp_path):
     mu = Floor.load("icra2026").mu
     plain = fg.race("oval", **SHORT, mu=mu)
     assert on_floor.trajectory_sha256 == plain.trajectory_sha256
-    assert (on_floor.car.mu, on_floor.car.planner_mu, on_floor.car.floor) == (mu, mu, "icra2026")
+    assumed = pytest.approx(mu * on_floor.setup.first.tire_set.least_share, rel=1e-5)
+    assert (on_floor.car.mu, on_floor.car.planner_mu, on_floor.car.floor) == (mu, assumed, "icra2026")
     assert plain.car.floor is None
     summary = fg.read_run(fg.write_run(on_floor, tmp_path / "run")).summary
     assert summary["floor"] == "icra2026"

@@ -175,7 +175,7 @@ def test_it_can_be_compared_hashed_copied_and_pickled_and_not_changed(name):
     model.pair_friction[:] = 0.1
     assert vehicle.compile().body_mass.sum() == pytest.approx(vehicle.parameters.mass)
     greatest = max(vehicle.compile().pair(f"{wheel}_tire").friction[0] for wheel in WHEELS)
-    assert greatest == pytest.approx(vehicle.tires.peak or vehicle.nominal_mu)
+    assert greatest == pytest.approx(vehicle.greatest_mu())
 
 
 @pytest.mark.slow
