@@ -12,7 +12,7 @@ from typing import Any
 
 _LEAST_PART = 3  # letters of a part by which a name is found
 
-_UNITS = ("_m", "_s", "_m_s", "_m_s2", "_rad", "_rad_s", "_N")
+_UNITS = ("_m", "_s", "_m_s", "_m_s2", "_rad", "_rad_s", "_N", "_V", "_A")
 """Ends of the names of columns and results."""
 
 _OTHER_WORDS: dict[str, tuple[str, ...]] = {

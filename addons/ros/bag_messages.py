@@ -13,6 +13,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -227,8 +228,18 @@ def odometry_message(
     )
 
 
+def as_imu_tells(odometry: Odometry) -> Odometry:
+    """Return an odometry whose stamp, gyro and accelerometer are those of the car's sensor `imu`, if it has one."""
+    told = odometry.readings.get("imu")
+    if told is None or not told.received or len(told.values) != 6:
+        return odometry
+    gyro, accelerometer = told.values[:3], told.values[3:]
+    return replace(odometry, stamp=told.stamp, angular_velocity=gyro, linear_acceleration=accelerometer)
+
+
 def imu_message(odometry: Odometry, frame: str = IMU_FRAME) -> Any:
     """Return sensor_msgs/Imu: gyro and accelerometer, and no orientation, which they do not measure."""
+    odometry = as_imu_tells(odometry)
     none = np.zeros(9)
     none[0] = -1.0
     return _make(

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.messages import DriveCommand, Odometry
+from fg_mujoco.vehicle.sensors.vesc import AMBIENT, Electrics
 
 from .bag_messages import (
     DRIVE,
@@ -52,14 +53,9 @@ Racing League, technical guide of 2026."""
 RANGE_MIN, RANGE_MAX = 0.06, 10.0
 """[m] that AutoDRIVE's LiDAR measures; of all else it says inf. Source: the same guide."""
 
-SPEED_TO_ERPM = 4614.0
-"""[1/m 1/min s] of the VESC's motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
-
-BATTERY = 12.6
-"""[V] of three cells of a LiPo pack, 4.2 V each when charged, which do not empty."""
-VOLTS_FOR_SPEED = SPEED_TO_ERPM / 2 / 3500.0
-"""[V s/m] of a Velineon 3500, the motor of the class: 3500 turns a minute and volt, two pairs of poles."""
-_AMBIENT = 25.0  # [deg C] of a motor that never warms
+_CAR = Electrics.bundled()
+SPEED_TO_ERPM, BATTERY, VOLTS_FOR_SPEED = _CAR.erpm_per_speed, _CAR.full_voltage, _CAR.volts_per_speed
+"""[1/m 1/min s] of the VESC's motor, [V] of the battery without a load, [V s/m] of the motor: the default car's."""
 _TEMPERATURES = ("temperature_pcb", "temp_fet", "temp_motor", "ntc_temp_mos1", "ntc_temp_mos2", "ntc_temp_mos3")
 
 VESC = re.compile(r"(?P<driver>(?:/vesc)?)/commands/(?P<name>motor/speed|servo/position)")
@@ -78,17 +74,20 @@ def steering_of_servo(position: float) -> float:
 
 
 def motor_fields(odometry: Odometry, mass: float) -> dict[str, float]:
-    """Return the fields of a VescState of ROS 1 or ROS 2 that are not 0, of a motor without losses.
+    """Return the fields of a VescState of ROS 1 or ROS 2 that are not 0.
 
-    The duty cycle grows with the speed, the motor's current with the force, which is the mass [kg] times the
-    acceleration ahead, and the battery gives the power at a constant voltage.
+    They are those of the car's VESC, its reading `vesc`. Of a car without one they are those of the default car's motor
+    and battery, for a force that is the mass [kg] times the acceleration ahead.
     """
-    duty = min(max(odometry.speed * VOLTS_FOR_SPEED / BATTERY, -1.0), 1.0)
-    current = mass * float(odometry.linear_acceleration[0]) / VOLTS_FOR_SPEED
-    return {
-        "speed": odometry.speed * SPEED_TO_ERPM, "voltage_input": BATTERY, "duty_cycle": duty, "current_motor": current,
-        "avg_iq": current, "current_input": duty * current, **dict.fromkeys(_TEMPERATURES, _AMBIENT),
-    }  # fmt: skip
+    told = odometry.readings.get("vesc")
+    if told is not None and told.received:
+        numbers = told.values[told.columns.index("erpm") :].tolist()
+    else:
+        electric = _CAR.at(odometry.speed, mass * float(odometry.linear_acceleration[0]))
+        numbers = [odometry.speed * SPEED_TO_ERPM, *electric, AMBIENT]
+    names = ("speed", "voltage_input", "duty_cycle", "current_motor", "current_input")
+    fields = dict(zip(names, numbers, strict=False))
+    return fields | {"avg_iq": fields["current_motor"], **dict.fromkeys(_TEMPERATURES, numbers[-1])}
 
 
 def motor_message(odometry: Odometry, mass: float) -> Any:

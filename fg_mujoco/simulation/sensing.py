@@ -8,15 +8,15 @@ from __future__ import annotations
 import weakref
 import zlib
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SettingsError
+from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects
 from ..lidar.scan_pipeline import EffectsOfRows, ScanPipeline
@@ -48,6 +48,7 @@ class Sensing:
         self._pipelines: dict[int, ScanPipeline] = {}
         self._row_effects = EffectsOfRows(engine.beams, len(arrays.commands))
         self._samplers: dict[int, list[Sampler]] = {}
+        self._timesteps: dict[int, float] = {}  # [s] of the physics, of the cars that have samplers
         self._odometry_drift = np.zeros(len(arrays.commands))
         self._drifts = False
         self._data: dict[int, mujoco.MjData] = {}
@@ -105,6 +106,10 @@ class Sensing:
                     engine.ranges[row] = lidar.ranges(self._data_of(row // engine.cars_per_world))
         if self._samplers:
             self._measure(np.flatnonzero(chosen), deliver=True)
+            for row, samplers in self._samplers.items():
+                for sampler in samplers if chosen[row] else ():
+                    if sampler.reading.received:
+                        sampler.sensor.tell(sampler.reading.values, engine.odometry[row : row + 1])
         if self._row_effects:
             self._row_effects.apply(chosen, engine.ranges)
         if self._pipelines:
@@ -151,8 +156,9 @@ class Sensing:
         batch, place = engine._place_of(i)
         cars = self._arrays.constants[row - car : row - car + engine.cars_per_world]
         return CarState(
-            time=engine.time(i), qpos=engine.qpos(i), qvel=engine.qvel(i), sensordata=batch.physics.sensors[place],
-            ranges=engine.ranges[row], constants=cars[car : car + 1], others=np.delete(cars, car),
+            time=engine.time(i), qpos=engine.qpos(i), qvel=engine.qvel(i), ctrl=engine.ctrl(i),
+            sensordata=batch.physics.sensors[place], ranges=engine.ranges[row], constants=cars[car : car + 1],
+            others=np.delete(cars, car),
             odometry_drift=float(self._odometry_drift[row]), model=batch.world.model, prefix=car_prefix(car),
         )  # fmt: skip
 
@@ -178,6 +184,7 @@ class Sensing:
         """Return what measures with the sensors of a car."""
         engine = self._engine
         timestep, beams = engine.world_of(row // engine.cars_per_world).model.opt.timestep, len(engine.beams.bearings)
+        self._timesteps[row] = timestep
         return [
             Sampler(sensor, seed, steps=sensor.steps(timestep, engine.substeps), size=sensor.size(beams))
             for sensor in sensors
@@ -186,13 +193,16 @@ class Sensing:
     def _measure(self, rows: NDArray[np.int64], *, deliver: bool) -> None:
         """Have the sensors of some cars measure where it is time to, and deliver what is old enough."""
         for row in rows.tolist():
-            samplers = self._samplers.get(row, ())
-            state = self._car_state(row) if samplers else None
-            for sampler in samplers:
+            samplers, i = self._samplers.get(row, ()), row // self._engine.cars_per_world
+            time = self._engine.time(i)
+            step = round(time / self._timesteps[row]) if samplers else 0
+            due = [sampler for sampler in samplers if step % sampler.steps == 0]
+            state = self._car_state(row) if due else None
+            for sampler in due:
                 assert state is not None
-                sampler.measure(round(state.time / state.model.opt.timestep), state)
-                if deliver:
-                    sampler.deliver(state.time)
+                sampler.measure(step, state)
+            for sampler in samplers if deliver else ():
+                sampler.deliver(time)
 
 
 class Sampler:
@@ -214,7 +224,9 @@ class Sampler:
 
     def __init__(self, sensor: Sensor, seed: int, *, steps: int, size: int) -> None:
         self.sensor, self.steps, self._size = sensor, steps, size
-        self._rng = np.random.default_rng([seed, zlib.crc32(sensor.name.encode())])
+        stream = zlib.crc32(sensor.name.encode())
+        self._rng, self._own_rng = np.random.default_rng([seed, stream]), np.random.default_rng([seed, stream, 1])
+        self._begun: Callable[[CarState], ArrayLike] | None = None
         self._noisy = bool(np.any(sensor.noise_std))
         self._measured_at = -1  # physics step
         self._held: deque[tuple[float, FloatArray]] = deque()  # measured, and not delivered yet
@@ -232,15 +244,18 @@ class Sampler:
 
         Raises:
           SettingsError: the sensor raises, or measures something else than numbers in its columns.
+          ModelError: the car lacks what the sensor measures.
         """
         if step % self.steps or step <= self._measured_at:
             return
         self._measured_at = step
         sensor = self.sensor
         try:
-            values = np.array(sensor.measure(car), dtype=np.float64)
+            if self._begun is None:
+                self._begun = sensor.begin(car, self._own_rng)
+            values = np.array(self._begun(car), dtype=np.float64)
         except BaseException as error:
-            if not is_of_planner(error):  # but Ctrl-C
+            if not is_of_planner(error) or isinstance(error, ModelError):  # but Ctrl-C, and a car that lacks something
                 raise
             failed = error_text(error, file_of(type(sensor)))
             said = f"sensor {sensor.name!r} failed at t = {car.time:.3f} s: {failed}"

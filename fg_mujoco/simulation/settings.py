@@ -50,6 +50,9 @@ _ACCEPTED_SPEED = f"a positive number up to {GREATEST_SPEED:g} m/s; the motor of
 KNOWN = ("", "opponents")
 """Knowledge that `knows` accepts; each is the name of a sensor, too, which has noise, delay and rate as settings."""
 
+ODOMETRIES = ("", "vesc")
+"""Odometry that `odometry` accepts; each is the name of a sensor, too, as in KNOWN."""
+
 FURTHEST = 1e6
 """[m], [rad] and [m/s] of a start: MuJoCo warns of positions beyond 1e10."""
 
@@ -187,6 +190,10 @@ class CarSettings:
         "", "opponents: the planner reads the odometry of the other cars; default: nothing", "TEXT", "sensors",
         told=True,
     )  # fmt: skip
+    odometry: str = setting(  # of ODOMETRIES
+        "", "vesc: the odometry is that of a VESC, by the motor's turns and the commanded steering; default: of the "
+        "wheels' encoders, the steering sensor and the gyro", "TEXT", "sensors", told=True,
+    )  # fmt: skip
     assist: str = setting(
         "full", "stages between the planner and its car: none, grip, safe, full, or names of stages joined by commas; "
         "default: full", "NAMES", "course and planner", told=True,
@@ -201,9 +208,13 @@ class CarSettings:
             from ..vehicle.sensors import as_sensors
 
             object.__setattr__(self, "sensors", as_sensors(self.sensors))
-        if not isinstance(self.knows, str) or self.knows not in KNOWN:
-            accepted = " or ".join(map(repr, KNOWN))
-            raise SettingsError(f"{type(self).__name__}.knows is {shown(self.knows)}; accepted: {accepted}")
+        for name, known in (("knows", KNOWN), ("odometry", ODOMETRIES)):
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in known:
+                accepted = " or ".join(map(repr, known))
+                raise SettingsError(f"{type(self).__name__}.{name} is {shown(value)}; accepted: {accepted}")
+        if self.odometry:
+            _ = self.sensed
         if self.assist != "full":
             names_in(self.assist, f"{type(self).__name__}.assist")
         if self.tires is not None:
@@ -245,13 +256,24 @@ class CarSettings:
 
     @property
     def sensed(self) -> tuple[Sensor, ...]:
-        """The sensors, made, and that of what the planner knows, unless one of them has its name."""
-        own = cast("tuple[Sensor, ...]", self.sensors)
-        if not self.knows or any(sensor.name == self.knows for sensor in own):
-            return own
+        """The sensors, made, and those of what the planner knows and its odometry, unless one of them has the name."""
+        found = cast("tuple[Sensor, ...]", self.sensors)
+        if not self.knows and not self.odometry:
+            return found
         from ..vehicle.sensors import SENSORS
 
-        return (*own, SENSORS.find(self.knows)())
+        for name in filter(None, (self.knows, self.odometry)):
+            if not any(sensor.name == name for sensor in found):
+                found = (*found, SENSORS.find(name)())
+        if not self.odometry:
+            return found
+        from ..vehicle.sensors.vesc import Vesc
+
+        other = next((s for s in found if s.name == self.odometry and not isinstance(s, Vesc)), None)
+        if other is not None:
+            said = f"odometry is {self.odometry!r} and sensor {other.name!r} is a {type(other).__name__}"
+            raise SettingsError(f"{said}; accepted: another name for it, or a Vesc")
+        return tuple(replace(s, as_odometry=s.name == self.odometry) if isinstance(s, Vesc) else s for s in found)
 
     @property
     def tires_mu(self) -> float:
@@ -353,6 +375,7 @@ class CarKeywords(TypedDict, total=False):
     odometry_drift: float
     sensors: Sequence[Sensor | str | Mapping[str, Any]]
     knows: str
+    odometry: str
     assist: str
     lidar_effects: Any
     lidar_noise: float

@@ -466,6 +466,7 @@ BAD = {
     "planner_mu": (*POSITIVE, -math.inf, 50.0), "max_speed": (*POSITIVE, math.inf, 1e9),
     "odometry_drift": (*NUMBER, math.inf, 3.0), "lidar": ("sonar", 3, []), "track": ({}, 3, b"x", "open_ground:x"),
     "vehicle": ("nobody", 3, []), "tires": ("rubber", 3), "floor": ("ice", 3), "knows": ("all", 3),
+    "odometry": ("gps", 3),
     "assist": ("some", "", 3, "full,full"),
     "sensors": (3, ["eye"]),
     "controller": (3, []), "grid": ("round", 3), "rules": ("roborace", 3), "opponents": ("gap_finder", [3], 3),

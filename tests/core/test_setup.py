@@ -29,7 +29,7 @@ VALUES = {
     "lidar_dropout": 0.1, "lidar_latency": 0.01, "motion_distortion": True, "start_s": 1.5, "start_offset": 0.1,
     "start_heading": 0.05, "start_speed": 2.0, "mass": 4.2, "cog_height": 0.08, "steering_gain": 1.2, "speed_gain": 0.9,
     "command_delay": 0.01, "patches": [{"x": 1.0, "y": 2.0, "length": 1.0, "width": 0.5, "mu": 0.4}],
-    "moving": "crossing", "knows": "opponents", "assist": "grip", "sensors": ["imu"],
+    "moving": "crossing", "knows": "opponents", "odometry": "vesc", "assist": "grip", "sensors": ["imu"],
 }  # fmt: skip
 AMONG = {"opponents": ["pure_pursuit", fg.Entry(controller="wall_follow", max_speed=3.0)], "grid": "side_by_side"}
 
@@ -119,13 +119,15 @@ OTHER = {
     "patches": [{"x": 1.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5}], "lidar": "rangefinder",
     "decision_limit": 5.0, "vehicle": "ipz", "tires": "ipz", "mu": 0.7, "floor": "ipz8", "changes": {"mass": 4.0},
     "controller": "wall_follow", "planner_settings": {"lookahead": 3.0}, "planner_mu": 0.4, "max_speed": 3.0,
-    "knows": "opponents", "assist": "safe", "sensors": ["imu"], "effects": {"latency": 0.02}, "odometry_drift": 0.1,
+    "knows": "opponents", "odometry": "vesc", "assist": "safe",
+    "sensors": ["imu"], "effects": {"latency": 0.02}, "odometry_drift": 0.1,
     "seed": 4, "start": fg.Start(s=1.0), "name": "mine", "grid": "behind", "rules": "roboracer_2026",
 }  # fmt: skip
 CAR = {"vehicle", "tires", "mu", "floor", "changes"}
-DUEL = CAR | {"planner_mu", "max_speed", "knows", "assist", "sensors", "effects", "odometry_drift"}
+TOLD = {"planner_mu", "max_speed", "knows", "odometry", "assist", "sensors", "effects", "odometry_drift"}
+DUEL = CAR | TOLD
 COURSE = {"track", "obstacles", "obstacle_seed", "moving", "patches"}
-DRIVER = {"controller", "planner_mu", "max_speed", "knows", "assist", "sensors", "effects", "odometry_drift"}
+DRIVER = TOLD | {"controller"}
 PLACE = {"planner_settings", "start", "seed", "grid"}
 STUDY = DRIVER - {"controller"} | CAR | {"obstacles", "moving", "patches", "laps", "time_limit"}
 STUDY |= {"lidar", "decision_limit"}
@@ -135,7 +137,8 @@ USED = {
     "a league": STUDY | {"obstacle_seed", "grid", "rules", "track", "controller", "seed"},  # three are its arguments
     "a rollout": CAR | COURSE | DRIVER | PLACE | {"laps", "time_limit", "decision_limit"},
     "a live view": CAR | COURSE | DRIVER | PLACE | {"name"},
-    "an environment": CAR | COURSE | {"sensors", "knows", "assist", "effects", "start", "laps", "time_limit", "grid"},
+    "an environment": CAR | COURSE | TOLD - {"planner_mu", "max_speed", "odometry_drift"}
+    | {"start", "laps", "time_limit", "grid"},
     "an environment of f1tenth_gym": {"vehicle", "tires"},
 }  # fmt: skip
 

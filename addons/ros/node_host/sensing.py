@@ -22,7 +22,7 @@ from fg_mujoco.messages import CarParameters, LaserScan, Odometry
 from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.world import World
 
-from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
+from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, as_imu_tells, nanoseconds
 from ..composed_topics import RANGE_MAX, RANGE_MIN, STEERING, THROTTLE, cars_in, motor_fields
 from ..front_camera import FIELD_OF_VIEW, SIZE, FrontCamera
 from ..occupancy_grid import Grid, grid_of
@@ -49,7 +49,7 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/odom": (_ODOMETRY, "odometry"),
     "/ego_racecar/odom": (_ODOMETRY, "odometry_on_map"),
     "/vesc/odom": (_ODOMETRY, "odometry"),
-    "/pf/pose/odom": (_ODOMETRY, "odometry"),
+    "/pf/pose/odom": (_ODOMETRY, "localised"),
     "/pf/viz/inferred_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/gt_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/amcl_pose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "pose_with_covariance"),
@@ -160,7 +160,11 @@ class Sensing:
         x, y, heading = self._pose.tolist()
         self._at = x, y, math.sin(heading / 2), math.cos(heading / 2)
         found = matrix((x, y, 0.0), (0.0, 0.0, self._at[2], self._at[3]))
-        self._graph.transforms[BASE_FRAME] = ODOM_FRAME, found
+        self._integrate()
+        own = matrix((*self._in_odom[:2], 0.0), (0.0, 0.0, *self._in_odom[2:]))
+        self._graph.transforms[BASE_FRAME] = ODOM_FRAME, own
+        if self._in_odom is not self._at:
+            self._graph.transforms[ODOM_FRAME] = MAP_FRAME, found @ np.linalg.inv(own)
         self._graph.transforms[_EGO + BASE_FRAME] = MAP_FRAME, found
         for frame in self._cars:
             self._graph.transforms[frame] = "world", found
@@ -279,6 +283,18 @@ class Sensing:
             self._turned += self._odometry.wheel_speeds * ((stamp - self._before) / self._wheel_radius)
         self._before = stamp
 
+    def _integrate(self) -> None:
+        """Take the pose in the frame `odom` from a VESC, and that frame's on the map; else they are one frame."""
+        told = self._odometry.readings.get("vesc")
+        self._in_odom, self._of_odom = self._at, _UPRIGHT
+        if told is not None and told.received:
+            x, y, heading = (told[name] for name in ("x", "y", "heading"))
+            self._in_odom = x, y, math.sin(heading / 2), math.cos(heading / 2)
+            half = 0.5 * (float(self._pose[2]) - heading)
+            turn = math.sin(half), math.cos(half)
+            at = self._pose[:2] - matrix((0.0, 0.0, 0.0), (0.0, 0.0, *turn))[:2, :2] @ (x, y)
+            self._of_odom = *at.tolist(), *turn
+
     def _make_scan(self) -> Any:
         return self._scan_message(self._scan, LASER_FRAME)
 
@@ -308,7 +324,11 @@ class Sensing:
         return self._own_odometry(_EGO + BASE_FRAME)
 
     def _own_odometry(self, frame: str) -> Any:
-        return self._odometry_of(self._at, self._odometry.speed, self._odometry.yaw_rate, frame)
+        at = self._in_odom if frame == BASE_FRAME else self._at
+        return self._odometry_of(at, self._odometry.speed, self._odometry.yaw_rate, frame)
+
+    def _make_localised(self) -> Any:
+        return self._odometry_of(self._at, self._odometry.speed, self._odometry.yaw_rate, BASE_FRAME)
 
     def _make_other(self, number: int) -> Any:
         assert self.surroundings is not None
@@ -431,10 +451,11 @@ class Sensing:
         )
 
     def _make_imu(self) -> Any:
+        told = as_imu_tells(self._odometry)
         message = made(
-            self._kind("sensor_msgs/msg/Imu"), header=self._header(self._odometry.stamp, IMU_FRAME),
-            angular_velocity=self._vector(self._odometry.angular_velocity),
-            linear_acceleration=self._vector(self._odometry.linear_acceleration),
+            self._kind("sensor_msgs/msg/Imu"), header=self._header(told.stamp, IMU_FRAME),
+            angular_velocity=self._vector(told.angular_velocity),
+            linear_acceleration=self._vector(told.linear_acceleration),
         )  # fmt: skip
         message.orientation.w = 1.0  # a rotation, though there is no estimate
         message.orientation_covariance[0] = -1.0
@@ -455,19 +476,20 @@ class Sensing:
         return made(self._kind("rosgraph_msgs/msg/Clock"), clock=self._time(self._odometry.stamp))
 
     def _make_transforms(self) -> Any:
-        x, y, qz, qw = self._at
-        quaternion = self._kind("geometry_msgs/msg/Quaternion")
-        moved = made(
-            self._kind("geometry_msgs/msg/Transform"), translation=self._vector((x, y, 0.0)),
-            rotation=made(quaternion, x=0.0, y=0.0, z=qz, w=qw),
-        )  # fmt: skip
-        stamped = self._kind("geometry_msgs/msg/TransformStamped")
+        kind, quaternion = self._kind("geometry_msgs/msg/Transform"), self._kind("geometry_msgs/msg/Quaternion")
+        moved = [(ODOM_FRAME, BASE_FRAME, self._in_odom), (MAP_FRAME, _EGO + BASE_FRAME, self._at)]
+        if self._in_odom is not self._at:
+            moved.append((MAP_FRAME, ODOM_FRAME, self._of_odom))
         return made(
             self._kind("tf2_msgs/msg/TFMessage"),
             transforms=[
-                made(stamped, header=self._header(self._odometry.stamp, parent), child_frame_id=child,
-                     transform=moved.__deepcopy__({}))
-                for parent, child in ((ODOM_FRAME, BASE_FRAME), (MAP_FRAME, _EGO + BASE_FRAME))
+                made(
+                    self._kind("geometry_msgs/msg/TransformStamped"),
+                    header=self._header(self._odometry.stamp, parent), child_frame_id=child,
+                    transform=made(kind, translation=self._vector((x, y, 0.0)),
+                                   rotation=made(quaternion, x=0.0, y=0.0, z=qz, w=qw)),
+                )
+                for parent, child, (x, y, qz, qw) in moved
             ],
         )  # fmt: skip
 

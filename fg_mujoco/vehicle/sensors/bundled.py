@@ -5,8 +5,10 @@ A planner gets the same quantities once a tick in its scan and odometry, without
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -33,16 +35,44 @@ class WheelOdometry(Sensor):
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class Imu(Sensor):
-    """Gyro, and accelerometer with gravity; car frame."""
+    """Gyro, and accelerometer with gravity: where the site `imu` is on the car, and as it is turned there.
+
+    An accelerometer measures what holds the car: a level car at rest has 9.81 m/s^2 up; roll and pitch turn it.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
 
     columns = (
         *(f"angular_velocity_{axis}_rad_s" for axis in "xyz"), *(f"linear_acceleration_{axis}_m_s2" for axis in "xyz")
     )  # fmt: skip
     frame = "imu"
 
+    bias_std: float | tuple[float, ...] = 0.0  # standard deviation of an error that stays, drawn once for each run
+    vibration: float | tuple[float, ...] = 0.0  # standard deviation of noise, for each m/s of the wheels' surfaces
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_spread("bias_std")
+        self._require_spread("vibration")
+
+    def begin(self, car: CarState, rng: np.random.Generator) -> Callable[[CarState], ArrayLike]:
+        """See Sensor."""
+        bias, vibration = rng.normal(0.0, self.bias_std, len(self.columns)), np.asarray(self.vibration)
+
+        def measure(car: CarState) -> ArrayLike:
+            shaken = vibration * float(np.abs(car.odometry["wheel_speeds"]).mean())
+            return np.asarray(self.measure(car)) + bias + rng.normal(0.0, shaken, len(self.columns))
+
+        return measure if np.any(bias) or np.any(vibration) else self.measure
+
     def measure(self, car: CarState) -> ArrayLike:
         """See Sensor."""
-        return np.concatenate((car.odometry["angular_velocity"], car.odometry["linear_acceleration"]))
+        turning = np.array(car.odometry["angular_velocity"])
+        mount = mujoco.mj_name2id(car.model, mujoco.mjtObj.mjOBJ_SITE, f"{car.prefix}imu")
+        if mount >= 0:
+            mujoco.mju_rotVecQuat(turning, turning.copy(), car.model.site_quat[mount] * (1.0, -1.0, -1.0, -1.0))
+        return np.concatenate((turning, car.odometry["linear_acceleration"]))
 
 
 @explain_class

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from traceback import extract_tb
@@ -47,6 +47,7 @@ class CarState:
     time: float  # [s] since the start
     qpos: FloatArray  # positions and velocities of the world, as in mujoco.MjData
     qvel: FloatArray
+    ctrl: FloatArray  # of the last tick
     sensordata: FloatArray  # of the last physics step, as in mujoco.MjData
     ranges: FloatArray  # (beams,) [m] of the last sweep of the LiDAR, without its effects
     constants: NDArray[np.void]  # (1,) of vehicle.motion.CAR: where the car is in these arrays, and its limits
@@ -111,13 +112,33 @@ class Sensor:
         accepted = f"0 to {LONGEST_DELAY:g} s"
         require(self, lambda value: 0.0 <= value <= LONGEST_DELAY, accepted, ("delay",), SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("dropout_probability",), SettingsError)
-        if isinstance(self.noise_std, list):
-            object.__setattr__(self, "noise_std", tuple(self.noise_std))
-        each = self.noise_std if isinstance(self.noise_std, tuple) else (self.noise_std,)
-        numbers = all(isinstance(value, (int, float)) and 0.0 <= value < math.inf for value in each)
-        if not numbers or (isinstance(self.noise_std, tuple) and len(each) != len(self.columns)):
+        self._require_spread("noise_std")
+
+    def _require_spread(self, name: str) -> None:
+        """Refuse a standard deviation that is neither a number from 0 nor one for each column."""
+        value = getattr(self, name)
+        if isinstance(value, list):
+            object.__setattr__(self, name, value := tuple(value))
+        each = value if isinstance(value, tuple) else (value,)
+        numbers = all(isinstance(number, (int, float)) and 0.0 <= number < math.inf for number in each)
+        if not numbers or (isinstance(value, tuple) and len(each) != len(self.columns)):
             accepted = "a number from 0" + (f", or one for each of {', '.join(self.columns)}" if self.columns else "")
-            raise SettingsError(f"{type(self).__name__}.noise_std is {shown(self.noise_std)}; accepted: {accepted}")
+            raise SettingsError(f"{type(self).__name__}.{name} is {shown(value)}; accepted: {accepted}")
+
+    def begin(self, car: CarState, rng: np.random.Generator) -> Callable[[CarState], ArrayLike]:
+        """Return what measures on a car from its start on, in place of `measure`, for a sensor that remembers.
+
+        Args:
+          car: at the start.
+          rng: for what it draws, of the car's seed and the sensor's name.
+
+        Raises:
+          ModelError: the car lacks what the sensor measures.
+        """
+        return self.measure
+
+    def tell(self, values: FloatArray, odometry: NDArray[np.void]) -> None:
+        """Write the latest reading into the car's odometry, (1,) of ODOMETRY, for a sensor that it is made of."""
 
     def measure(self, car: CarState) -> ArrayLike:
         """Return what is measured, without noise: a number for each of `columns`."""

@@ -186,7 +186,8 @@ def test_a_motor_without_losses_has_the_power_of_the_force_that_moves_the_car():
         power = 3.74 * ahead * speed
         assert state.voltage_input * state.current_input == pytest.approx(power)
         assert state.duty_cycle * state.voltage_input * state.current_motor == pytest.approx(power)
-        assert state.duty_cycle * 12.6 * 3500.0 == pytest.approx(state.speed / 2) == speed * SPEED_TO_ERPM / 2
+        turns = state.duty_cycle * state.voltage_input * 3500.0
+        assert turns == pytest.approx(state.speed / 2) == speed * SPEED_TO_ERPM / 2
         assert state.__msgtype__ == "vesc_msgs/msg/VescState" and state.FAULT_CODE_OVER_VOLTAGE == 1
         assert state.voltage_input > 12.0 and state.fault_code == 0 and 20.0 <= state.temp_fet <= 30.0
     assert motor_message(odometry_of(20.0), 3.74).state.duty_cycle == 1.0

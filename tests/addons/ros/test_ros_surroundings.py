@@ -10,6 +10,9 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.ros.node_host.sensing import STEERING, THROTTLE
+from fg_mujoco.messages import Reading
+from fg_mujoco.vehicle.sensors.bundled import Imu
+from fg_mujoco.vehicle.sensors.vesc import Vesc
 from ros_planners import ODOMETRY, ROS2, SCAN, commands, make, node2, speeds
 from scan_worlds import CAR, odometry_of
 
@@ -92,6 +95,44 @@ def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(tmp
     assert (alone["max_speed_m_s"] > 0.5).all()
     for name in ("distance_m", "max_speed_m_s"):
         assert alone[name].tolist() == other[name].tolist()
+
+
+VESC = """
+if 'core' not in self.got: return
+odom, pose, imu, core = (self.got[name] for name in ("odom", "pose", "imu", "core"))
+assert (odom.pose.pose.position.x, odom.pose.pose.position.y, odom.twist.twist.linear.x) == (1.0, 2.0, 3.0)
+assert abs(2 * np.arctan2(odom.pose.pose.orientation.z, odom.pose.pose.orientation.w) - 0.5) < 1e-12
+assert odom.twist.twist.angular.z == 0.7 and (pose.pose.pose.position.x, pose.pose.pose.position.y) == (3.0, 4.0)
+assert (imu.angular_velocity.z, imu.linear_acceleration.y, imu.header.stamp.nanosec) == (3.0, 5.0, 20_000_000)
+state = core.state
+assert (state.speed, state.voltage_input, state.duty_cycle) == (13842.0, 12.4, 0.16)
+assert (state.current_motor, state.current_input, state.temp_motor) == (20.0, 3.0, 25.0)
+there = self.buffer.lookup_transform("map", "base_link", Time()).transform.translation
+assert abs(there.x - 3.0) + abs(there.y - 4.0) < 1e-9
+own = self.buffer.lookup_transform("odom", "base_link", Time()).transform.translation
+assert abs(own.x - 1.0) + abs(own.y - 2.0) < 1e-9
+self.drive(1.0)
+"""
+
+
+def test_topics_are_those_of_the_cars_vesc_and_imu(tmp_path):
+    imports = ("sensor_msgs.msg import Imu", "rclpy.time import Time", "vesc_msgs.msg import VescStateStamped",
+               "tf2_ros import Buffer, TransformListener")  # fmt: skip
+    head = "".join(f"from {each}\n" for each in imports) + ROS2
+    topics = {"odom": ("Odometry", "/odom"), "pose": ("Odometry", "/pf/pose/odom"),
+              "imu": ("Imu", "/sensors/imu/raw"), "core": ("VescStateStamped", "/sensors/core")}  # fmt: skip
+    init = "self.buffer = Buffer()\nself.listener = TransformListener(self.buffer, self)\n"
+    for name, (kind, topic) in topics.items():
+        init += f'self.create_subscription({kind}, "{topic}", lambda m: self.got.update({name}=m), 1)\n'
+    values = np.array((3.0, 0.2, 0.7, 1.0, 2.0, 0.5, 13842.0, 12.4, 0.16, 20.0, 3.0, 25.0))
+    readings = {
+        "vesc": Reading(stamp=0.02, values=values, columns=Vesc.columns),
+        "imu": Reading(stamp=0.02, values=np.arange(1.0, 7.0), columns=Imu.columns),
+    }
+    told = {"speed": 3.0, "angular_velocity": np.array((0.0, 0.0, 0.7)), "pose": np.array((3.0, 4.0, 1.2))}
+    planner = make(node2(tmp_path, VESC, init, head=head))
+    odometry = replace(odometry_of(3.0), readings=readings, **told)
+    assert commands(planner, 4, odometry)[-1][0] == 1.0
 
 
 AUTODRIVE = """

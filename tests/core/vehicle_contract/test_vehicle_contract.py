@@ -46,8 +46,8 @@ def test_the_documentation_lists_the_parts_and_the_bundled_vehicles():
     named = [(kind, name) for kind, names in rows for name in re.findall(r"`(.+?)`", names)]
     listed = {(kind, name.format(wheel=wheel)) for kind, name in named for wheel in WHEELS}
     optional = {("text", "lidar"), ("text", "look"), ("text", "tires"), ("geom", "hull")}
-    numbers = ("steering_map", "acceleration_map", "drag", "drag_brake", "motor_inertia")
-    optional |= {("numeric", name) for name in numbers}
+    numbers = ("steering_map", "acceleration_map", "drag", "drag_brake", "motor_inertia", "motor", "battery")
+    optional |= {("numeric", name) for name in numbers} | {("sensor", "drive_force"), ("site", "imu")}
     optional |= {("text", name) for name in ("centre", "front_axle", "rear_axle")}
     assert listed - optional == {(part.kind, part.name) for part in PARTS}
     bundled = re.findall(r"^\| `(\w+)` \| .* kg, ", page.read_text("utf-8"), re.MULTILINE)
