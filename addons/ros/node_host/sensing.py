@@ -143,10 +143,12 @@ class Sensing:
         self._cars: tuple[str, ...] = AUTODRIVE_VEHICLES
         graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items()})
         mount = matrix((car.lidar_offset, 0.0, 0.0), _UPRIGHT)
+        league, inside = AUTODRIVE_VEHICLES[-1], matrix((0.08, 0.0, 0.055), _UPRIGHT)  # as public DevKits have it
         for child, parent, found in (
             (LASER_FRAME, BASE_FRAME, mount), (_EGO + LASER_FRAME, _EGO + BASE_FRAME, mount),
             (ODOM_FRAME, MAP_FRAME, np.eye(4)), ("world", MAP_FRAME, np.eye(4)),
-            ("lidar", AUTODRIVE_VEHICLES[-1], mount), (_EGO + "laser_model", _EGO + BASE_FRAME, mount),
+            ("lidar", league, matrix((car.lidar_offset, 0.0, 0.096), _UPRIGHT)), ("imu", league, inside),
+            ("ips", league, inside), (_EGO + "laser_model", _EGO + BASE_FRAME, mount),
         ):  # fmt: skip
             graph.transforms[child] = parent, found
         for side, y in (("left", self._half_track), ("right", -self._half_track)):
