@@ -66,7 +66,7 @@ class CircleReading:
 
     @property
     def slide(self) -> float:
-        """Greatest slip speed of any tire [m/s]."""
+        """Greatest sliding speed of any tire [m/s]."""
         return float(np.nanmax(self.slides))
 
     @property

@@ -37,8 +37,9 @@ TELEMETRY = (
     *(f"slip_ratio_{wheel}" for wheel in WHEELS),
 )  # fmt: skip
 """Columns of the telemetry. A row is one tick: the state at its start and the planner's command; then, while it was
-held, each tire's greatest slip speed and friction utilisation (NaN: off the ground all the while), and in how many of
-the physics steps any tire slid; then the car's motion, x forward and y to the left of its heading, level.
+held, each tire's greatest sliding speed and friction utilisation (NaN: off the ground all the while, or a sliding speed
+without a peak), and in how many of the physics steps any tire slid; then the car's motion, x forward and y to the left
+of its heading, level.
 
 `vx_m_s` and `vy_m_s` are the velocity of base_link, at the rear axle, at the start of the tick. `sideslip_rad` is the
 angle from the heading to the velocity of the centre of gravity then, left positive, NaN below 0.1 m/s. `ax_m_s2` and

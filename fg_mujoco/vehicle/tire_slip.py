@@ -397,7 +397,7 @@ def _measure_law(tire: Any, own: FloatArray, mu: float, slip: FloatArray) -> Non
 
 @kernel
 def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
-    """Return in how many steps any tire slides, and write each tire's greatest slip speed and friction utilisation.
+    """Return in how many steps any tire slides, and write each tire's greatest sliding speed and friction utilisation.
 
     Args:
       slip: (QUANTITIES, steps, 4) from `measure_slip`.
@@ -421,7 +421,7 @@ def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
 
 @kernel
 def greatest_lateral_speed(slip: FloatArray, so_far: float) -> float:
-    """Return the greatest slip speed of any tire across its wheel's heading [m/s], or `so_far` where that is greater.
+    """Return the greatest sliding speed of any tire across its wheel's heading [m/s], or `so_far` if that is greater.
 
     `slip` (QUANTITIES, steps, 4) is from `measure_slip`.
     """

@@ -71,15 +71,7 @@ class Drive:
     @cached_property
     def friction_utilisation(self) -> FloatArray:
         """Greatest friction utilisation of the four tires in each tick (ticks,) [-]; 0 where none is on the ground."""
-        return self._greatest_of_tires("friction_utilisation_front_left")
-
-    @cached_property
-    def sliding_speed(self) -> FloatArray:
-        """Greatest slip speed of the four tires in each tick (ticks,) [m/s]; 0 where none is on the ground."""
-        return self._greatest_of_tires("slide_front_left_m_s")
-
-    def _greatest_of_tires(self, first_column: str) -> FloatArray:
-        first = TELEMETRY.index(first_column)
+        first = TELEMETRY.index("friction_utilisation_front_left")
         values = self.telemetry[:, first : first + 4]
         greatest: FloatArray = np.where(np.isnan(values), 0.0, values).max(axis=1, initial=0.0)
         return greatest

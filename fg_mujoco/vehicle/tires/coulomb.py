@@ -31,12 +31,17 @@ class Coulomb(Law):
     model: ClassVar[str] = "coulomb"
     holds: ClassVar[bool] = True
 
-    D: float  # [-] friction
+    D: float = 1.0  # [-] friction; of a file that does not say it, over that of the vehicle
     stiffness: float  # [1/rad] force over friction times load, by slip, of a tire that holds
 
     def __post_init__(self) -> None:
         require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
         require(self, lambda v: 1.0 <= v <= 1000.0, "1 to 1000 per rad", ("stiffness",), SettingsError)
+
+    @classmethod
+    def needed(cls) -> tuple[str, ...]:
+        """Return the names of those that a tire file must have."""
+        return ("stiffness",)
 
     def force(self, slip: float) -> float:
         """Return the force over the load [-] at a slip [rad or -], which has its sign."""

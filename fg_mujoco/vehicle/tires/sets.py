@@ -28,6 +28,7 @@ from ...display import brief, quoted
 from ...errors import ModelError, SettingsError, accepted_names
 from ...messages import require
 from ...registry import Registry
+from .coulomb import Coulomb
 from .law import Law
 from .laws import CONTACT, LAW_OF, LAWS, MODELS, find_law, law_names
 from .sampled import sampled
@@ -332,6 +333,8 @@ def _of(table: Mapping[str, Any], where: str, folder: Path) -> Tires:
     model, law, floor, friction = (table.get(key, "") for key in ("model", "law", "floor", "friction"))
     if not isinstance(floor, str):
         raise SettingsError(f"{where}: floor is {floor!r}; accepted: the name of a floor, or a description")
+    if model == Coulomb.model and not any("D" in _table(table, axle, where) for axle in _AXLES):
+        friction = friction or OF_VEHICLE
     if not isinstance(law, str):
         raise SettingsError(f"{where}: law is {law!r}; accepted: what a run says of it")
     kind = LAW_OF.get(str(model))
