@@ -29,6 +29,7 @@ from fg_mujoco.vehicle.changes import set_mu
 from fg_mujoco.vehicle.tires import DEFAULT_TIRES, Tires
 from fg_mujoco.vehicle.tires.law import GREATEST_SLIP
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle, vehicle_names
+from fg_mujoco.vehicle.vehicle_mjcf import parsed
 
 from .car_files import CarFiles, Told, files_of, is_car, read_car
 
@@ -272,7 +273,7 @@ def write_car(car: FileCar, folder: Path) -> list[Path]:
       OSError: they cannot be written.
       ModelError: no such car can be driven.
     """
-    name, spec = car.files.name, car.vehicle.spec(tires=Tires.load("contact"))
+    name, spec = car.files.name, parsed(car.vehicle.text, f"vehicle {car.files.name!r}")
     if car.tires:
         element = spec.text("tires") or spec.add_text(name="tires")
         element.data = f"{name}.toml"
