@@ -93,7 +93,7 @@ figures: $(READY)
 cards: $(READY)
 	$(BIN)/python benchmarks/cards.py
 
-## make friction the friction lab, and its report in runs/friction; some minutes, less what is there
+## make friction the friction lab, and its tables and figures in runs/friction; some minutes, less what is there
 friction: $(READY)
 	$(BIN)/fg-mujoco friction all --out runs/friction $(ARGS)
 

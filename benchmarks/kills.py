@@ -31,7 +31,7 @@ COMMANDS = {
     "rollout": "rollout --n 12 --chunk 3 --time-limit 0.5 --record states --workers 2 --out out",
     "compare": "compare --controller gap_finder --track oval --obstacles 1 --seed 0:3 --time-limit 0.5 --workers 1 "
     "--out out",
-    "friction": "friction mismatch --quick --workers 1 --out out",
+    "friction": "friction mismatch --planner-mu 0.5:1.2:3 --workers 1 --out out",
     "export": "export run --force --out run.mcap",
     "render": "render run --size 64x48 --fps 20 --out run.mp4",
 }

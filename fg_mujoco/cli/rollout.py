@@ -8,8 +8,10 @@ on with the others.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
+from ..course.writing import write_file
 from ..errors import SettingsError
 from ..messages import require_whole
 from ..racing.planners import bundled_names
@@ -21,7 +23,7 @@ from ..rollouts.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProg
 from ..rollouts.store import as_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import NO_PEAK, sliding_rule
-from .command import CONFIG, JSON, TRUST, command, named_values, option, whole
+from .command import CONFIG, JSON, TRUST, can_draw, command, named_values, option, whole
 from .options import NAMES, setup_of, setup_options
 from .out import STUDY, out_options
 from .progress import study
@@ -61,6 +63,10 @@ _MIB = 2**20
         "--executor", "{names}; default: threads; processes where a planner is not bundled or has a limit", "NAME",
         names=lambda: EXECUTORS,
     ),
+    option(
+        "--by", "print the shares of worlds that finished, crashed and slid by a parameter, such as mu, and write them "
+        "as by_NAME.md and by_NAME.svg with --out", "NAME",
+    ),
     JSON,
     CONFIG,
     TRUST,
@@ -81,6 +87,8 @@ def rollout_command(options: argparse.Namespace) -> int:
             watch=watch,
         )  # fmt: skip
     print(as_json(result.summary()) if options.json else _table(result, options.out))
+    if options.by is not None and not options.json:
+        _print_shares(result, options.by, options.out)
     return _NOT_DONE if (result["end_reason"] == "worker_died").any() else _DONE
 
 
@@ -89,6 +97,15 @@ def _executor(setup: Setup) -> str:
     planners = (str(entry.controller).partition("[")[0] for entry in setup.entries)
     bundled = all(planner in bundled_names() for planner in planners)
     return "threads" if bundled and setup.decision_limit is None else "processes"
+
+
+def _print_shares(result: RolloutResult, name: str, out: str | None) -> None:
+    shares = result.by(name)
+    print(f"\n{shares.text()}", end="")
+    if out is not None:
+        write_file(Path(out) / f"by_{name}.md", shares.text().encode())
+        if can_draw(f"by_{name}.svg", several=False):
+            shares.picture(Path(out) / f"by_{name}.svg")
 
 
 def _progress(progress: RolloutProgress) -> tuple[int, int, float | None, str]:

@@ -1,12 +1,10 @@
-"""The friction lab: experiments that show how far the speed law and the tires hold, and the report of them.
+"""The friction lab: up to where a speed law is safe on a car, and why not beyond.
 
     from fg_mujoco.lab.lab import run_lab
 
-    run_lab(["skidpad", "braking"], out="runs/friction", workers=2)
+    print(run_lab(["skidpad", "step"], out="runs/friction", workers=2).text())
 
-Each experiment is a module here with an `EXPERIMENT`, which `experiment` defines: `skidpad`, `transient`, `braking`,
-`mismatch`, `patches` and `laps`. `lab` runs them and keeps finished cells, and `lab_report` writes the report. The
-others are closed forms (`rigid_car`, `straight_line_limits`, `lap_time_bound`) and grounds to drive on (`lab_ground`,
-`lab_laps`). `manoeuvres`, `commands`, `drive` and `handling` are of the command `drive`.
-docs/friction.md has the results.
+`skidpad`, `step`, `braking` and `laps` have the experiments, which `experiment` defines; `lab` runs them and keeps
+finished cells. `speed_laws` has the laws, `limits` and `lap_time_bound` the closed forms. `manoeuvres`, `commands`,
+`drive` and `handling` are of the command `drive`. docs/friction.md has the results.
 """

@@ -1,32 +1,38 @@
-"""An experiment of the friction lab: cells of work, the rows that they yield, and a section of the report.
+"""An experiment of the friction lab: cells of work, the rows that they yield, and what is said of them.
 
-A cell is some seconds of work on one core. It is described completely in JSON, so that any process can measure it, and
-it is not measured again if its rows are on disk.
+A cell is some seconds of work on one core. It is described completely by itself and the settings, so that any process
+can measure it, and it is not measured again if its rows are on disk.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
+import numpy as np
+
 from ..errors import SettingsError
-from ..messages import require_whole, shown
-from ..pictures.pages.figure_kit import render
-from ..vehicle.changes import GREATEST_MU
-from ..vehicle.tires import CONTACT, IDEAL_TIRES
+from ..messages import Odometry, require_whole, shown
+from ..racing.entries import Entry
+from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU
+from ..vehicle.tires import Tires
+from .lab_ground import LabGround
+from .speed_laws import DEFAULT_LAW, SpeedLaw, law_sha256, load_law
+from .steady_circle import SteadyCircle
 
 if TYPE_CHECKING:
     import matplotlib.figure
 
-ON_CIRCLES = "skidpad"
-"""The experiment that takes frictions and steering angles."""
+STEERINGS = (0.05, 0.1, 0.2, 0.3, 0.4)
+"""[rad] Steering angles of circles, up to the car's lock, unless a setting names others."""
 
-LAW_TIRES = (IDEAL_TIRES, CONTACT)
-"""The sets of tires that the law itself is measured on: ours, and MuJoCo's contacts, which were not made for it. Each
-is driven at a timestep at which it is right when it slides."""
+_ROLLS = Odometry(
+    stamp=0.0, speed=1.0, steering_angle=0.0, angular_velocity=np.zeros(3), linear_acceleration=np.zeros(3),
+    wheel_speeds=np.ones(4),
+)  # fmt: skip
 
 Cell: TypeAlias = dict[str, Any]
 """One unit of work: names to JSON values."""
@@ -34,94 +40,132 @@ Cell: TypeAlias = dict[str, Any]
 Row: TypeAlias = dict[str, "float | int | str | bool | None"]
 """One line of a CSV: names, with their units, to values. NaN where there is no number, and then `reason` says why."""
 
-Tables: TypeAlias = dict[str, list[Row]]
-"""Rows by the names of their tables."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class LabSettings:
     """Settings that all experiments share.
 
     Raises:
-      SettingsError: a friction or steering angle that no cell can be measured at.
+      SettingsError: a friction, a steering angle or a law that no cell can be measured with.
     """
 
-    quick: bool = False  # a sub-grid only, for tests and a first look
-    seed: int = 0  # of whatever is drawn
-    mus: tuple[float, ...] | None = None  # [-] of the tires, in ON_CIRCLES; None: the experiment's own
-    steerings: tuple[float, ...] | None = None  # [rad] in ON_CIRCLES; None: the experiment's own
+    entry: Entry = field(default_factory=Entry)  # the car, its tires and floor; its planner in laps and mismatch
+    law: str = DEFAULT_LAW  # a name, or FILE.py:NAME, see `load_law`
+    mus: tuple[float, ...] | None = None  # [-] of the tires, or their greatest peaks; None: as the entry has it
+    planner_mus: tuple[float, ...] | None = None  # [-] that a planner is told in mismatch; None: shares of `mus`
+    steerings: tuple[float, ...] | None = None  # [rad]; None: those of STEERINGS up to the lock
+    tracks: tuple[str, ...] | None = None  # of laps and mismatch; None: the experiment's own
+    laps: int | None = None  # likewise
 
     def __post_init__(self) -> None:
-        require_whole("seed", self.seed, 0)
-        if not isinstance(self.quick, bool):
-            raise SettingsError(f"quick is {shown(self.quick)}; accepted: True or False")
-        for name, values in (("mu", self.mus), ("steering", self.steerings)):
-            numbers = isinstance(values, (tuple, list)) and all(isinstance(each, (int, float)) for each in values)
-            if values is not None and (not numbers or not values or len(set(values)) < len(values)):
-                raise SettingsError(f"{name} is {shown(values)}; accepted: one number or more, each once")
-        for mu in self.mus or ():
-            if not 0.0 < mu <= GREATEST_MU:
-                raise SettingsError(
-                    f"mu is {mu!r}; accepted: friction coefficients of the tires above 0, up to {GREATEST_MU:g}"
-                )
-        for steering in self.steerings or ():
-            if not 0.0 < steering <= _lock():
-                why = ", at which the law's speed is infinite" if steering == 0.0 else ""
-                raise SettingsError(
-                    f"steering is {steering!r}{why}; "
-                    f"accepted: angles above 0, up to the car's lock of {_lock():g} rad; "
-                    "each is measured to the left and to the right"
-                )
+        require_whole("laps", self.laps, 2, optional=True)
+        lock = self.entry.car.parameters.max_steering_angle
+        _require("mu", self.mus, GREATEST_MU, f"friction coefficients {ACCEPTED_MU}")
+        _require("planner_mu", self.planner_mus, GREATEST_MU, f"friction coefficients {ACCEPTED_MU}")
+        _require("steering", self.steerings, lock, f"angles above 0, up to the car's lock of {lock:g} rad")
+        if self.mus is not None and self.entry.set_mu is not None:
+            where = "the floor" if self.entry.floor is not None else "mu of the car"
+            raise SettingsError(f"mu is {shown(self.mus)}, and {where} sets one, too; accepted: one of them")
+        self.try_law(*self.angles)
+
+    def try_law(self, *angles: float) -> None:
+        """Make sure that the law has an answer at some steering angles [rad], for a car that rolls at 1 m/s.
+
+        Raises:
+          SettingsError: it has none.
+        """
+        for mu in self.frictions:
+            for angle in angles:
+                self.speed_law(angle, _ROLLS, self.entry.car.parameters, self.told(mu))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "speed_law"}  # its module may be a file
+
+    @cached_property
+    def speed_law(self) -> SpeedLaw:
+        """The law, loaded."""
+        return load_law(self.law)
+
+    @property
+    def tires(self) -> Tires:
+        """The tires of the car."""
+        return self.entry.tire_set
+
+    @property
+    def frictions(self) -> tuple[float, ...]:
+        """Friction coefficients of the tires, or their greatest peaks [-]."""
+        return self.mus or (self.entry.tires_mu,)
+
+    @property
+    def angles(self) -> tuple[float, ...]:
+        """Steering angles of circles [rad]."""
+        lock = self.entry.car.parameters.max_steering_angle
+        return self.steerings or tuple(angle for angle in STEERINGS if angle <= lock)
+
+    def told(self, mu: float) -> float:
+        """Return the friction that a law is told on tires of `mu`: the least peak of the set [-]."""
+        return self.entry.car.reliable_mu(self.tires, mu)
+
+    def ground(self, mu: float) -> LabGround:
+        """Return the car on open ground; `mu` is one of `frictions`."""
+        return LabGround(mu, None, self.tires, self.entry.car, self.entry.changes)
+
+    def circle(self, mu: float, steering: float) -> SteadyCircle:
+        """Return the car on a circle; `mu` is one of `frictions`."""
+        return SteadyCircle(self.told(mu), steering, None, self.tires, self.entry.car, self.entry.changes)
+
+    def described(self) -> dict[str, Any]:
+        """Return the settings as JSON has them."""
+        numbers = {name: getattr(self, name) for name in ("mus", "planner_mus", "steerings", "tracks", "laps")}
+        planner = {"controller": str(self.entry.controller)}
+        return {"car": self.entry.described() | planner, "law": self.law, "law_sha256": law_sha256(self.law), **numbers}
 
 
-@lru_cache(maxsize=1)
-def _lock() -> float:
-    """Return the greatest steering angle of the car [rad]."""
-    from ..vehicle.vehicle import Vehicle
-
-    return Vehicle.load().parameters.max_steering_angle
-
-
-@dataclass(frozen=True, kw_only=True)
-class Figure:
-    """A figure of the report. `draw` gets an empty matplotlib figure, whose style and size are the lab's."""
-
-    name: str  # of the file, without experiment and ending
-    caption: str
-    draw: Callable[[matplotlib.figure.Figure], None]
-    height: float = 3.4  # [in]; all are as wide as the page
-
-    def render(self, kind: str = "svg") -> bytes:
-        """Draw the figure as a file of that kind."""
-        return render(self.draw, self.height, kind)
+def _require(name: str, values: Any, greatest: float, accepted: str) -> None:
+    if values is None:
+        return
+    numbers = isinstance(values, (tuple, list)) and all(isinstance(each, (int, float)) for each in values)
+    if not numbers or not values or len(set(values)) < len(values):
+        raise SettingsError(f"{name} is {shown(values)}; accepted: one number or more, each once")
+    for value in values:
+        if not 0.0 < value <= greatest:
+            raise SettingsError(f"{name} is {value!r}; accepted: {accepted}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """The section of an experiment in the report, the result first."""
+    """What an experiment found, the result first."""
 
     sentences: tuple[str, ...]  # with the measured numbers
-    figures: tuple[Figure, ...] = ()
-    columns: dict[str, tuple[str, ...]] = field(default_factory=dict)  # of each table that the report shows
-    expected: tuple[tuple[str, str, str], ...] = ()  # what, asked, measured
+    columns: dict[str, str] = field(default_factory=dict)  # of the table that is printed: heading -> name in the rows
+    printed: tuple[Row, ...] | None = None  # rows of that table; None: all
+    draw: Callable[[matplotlib.figure.Figure], None] | None = None  # its figure, as wide as two columns of a paper
+    height: float = 3.2  # [in] of the figure
 
 
 class Experiment(Protocol):
     """An experiment of the lab."""
 
     name: str  # on the command line, and of its files
-    title: str  # of its section
+    title: str  # of what is printed
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """Return the whole work, in order; the same for the same settings."""
 
-    def measure(self, cell: Cell) -> Tables:
+    def measure(self, cell: Cell, settings: LabSettings) -> list[Row]:
         """Measure one cell, in any process: the same cell, the same rows."""
 
-    def section(self, tables: Tables) -> Section:
-        """Write the section from the rows of all cells, in the order of the cells."""
+    def section(self, rows: list[Row], settings: LabSettings) -> Section:
+        """Return what is said of the rows of all cells, in the order of the cells."""
 
 
-def no_number(reason: str, *names: str) -> Row:
-    """Return NaN for each of `names`, and the reason: for a cell that cannot be measured."""
-    return {**dict.fromkeys(names, math.nan), "reason": reason}
+def number(row: Row, name: str) -> float:
+    """Return a value of a row as a number; NaN where there is none."""
+    value = row.get(name)
+    return float(value) if isinstance(value, (int, float)) else math.nan
+
+
+def share_of(rows: Iterable[Row], name: str) -> str:
+    """Return in how many of some rows a value is true, as "3 of 20"."""
+    values = [bool(row[name]) for row in rows]
+    return f"{sum(values)} of {len(values)}"

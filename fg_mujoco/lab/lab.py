@@ -1,14 +1,17 @@
-"""Runs experiments of the friction lab, cell by cell in worker processes, and writes the report.
+"""Runs experiments of the friction lab, cell by cell in worker processes, and writes what they found.
 
-    result = run_lab(["skidpad", "laps"], out="runs/friction")
+    settings = LabSettings(entry=Entry(vehicle="car.xml"), law="my_law.py:law", mus=(0.3, 0.7))
+    result = run_lab(["skidpad"], out="runs/friction", settings=settings)
     print(result.text())
 
 Finished cells are in the folder at once, and the same call goes on where one was interrupted. A folder may be filled
-by several calls, an experiment each: the report is of all that are complete in it.
+by several calls, an experiment each.
 
-    lab.json                the settings and versions that made it; a folder of any others is refused
-    cells/NAME.jsonl        a line a cell of that experiment, with its rows, added when it is finished; NaN as by Python
-    NAME_TABLE.csv          and the rest: see lab_report; written when all cells asked for are there
+    lab.json                  the settings and versions that made it; a folder of any others is refused
+    cells/NAME.jsonl          a line a cell of that experiment, with its rows, added when it is finished
+    NAME.csv                  a row a measurement, with all columns; a value that is missing is empty
+    NAME.svg, NAME.pdf        its figure
+    NAME.md                   what is printed, with the command that makes it again
 """
 
 from __future__ import annotations
@@ -16,49 +19,58 @@ from __future__ import annotations
 import hashlib
 import importlib
 import json
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
+from ..course.writing import write_file
 from ..errors import SettingsError, accepted_names
 from ..messages import require_whole
-from ..pictures.pages.figure_kit import require_matplotlib
+from ..pictures.pages.figure_kit import render, require_matplotlib
+from ..pictures.pages.table import Table
 from ..rollouts.job import versions
-from ..rollouts.store import Rows, StudyFolder, claimed
+from ..rollouts.store import WRITABLE, Rows, StudyFolder, blame, claimed
 from ..rollouts.workers import time_left, work_through
-from .experiment import Cell, Experiment, LabSettings, Section, Tables
-from .lab_report import Chapter, expected_table, write_report
+from .experiment import Cell, Experiment, LabSettings, Row, Section
 
 _HERE = "fg_mujoco.lab"
 EXPERIMENTS: dict[str, str] = {
-    "skidpad": f"{_HERE}.skidpad",
-    "transient": f"{_HERE}.transient",
-    "braking": f"{_HERE}.braking",
-    "mismatch": f"{_HERE}.mismatch",
-    "patches": f"{_HERE}.patches",
-    "laps": f"{_HERE}.laps",
+    "skidpad": f"{_HERE}.skidpad:EXPERIMENT",
+    "sets": f"{_HERE}.skidpad:SETS",
+    "step": f"{_HERE}.step:EXPERIMENT",
+    "braking": f"{_HERE}.braking:EXPERIMENT",
+    "laps": f"{_HERE}.laps:LAPS",
+    "mismatch": f"{_HERE}.laps:MISMATCH",
 }
-"""The modules of the experiments by their names, in the order of the report; each has an `EXPERIMENT`."""
+"""The experiments by their names, as "module:attribute", in the order of `all`."""
 
 
 class Task(NamedTuple):
     """A cell to be measured, as it goes to a worker."""
 
     name: str  # of the experiment
-    module: str
+    place: str  # of EXPERIMENTS
     cell: Cell
+    settings: LabSettings
 
     def __str__(self) -> str:
         return f"{self.name}, cell {cell_key(self.cell)}"
 
 
-def measure(task: Task) -> Tables:
+def measure(task: Task) -> list[Row]:
     """Measure a cell: what a worker does."""
-    experiment: Experiment = importlib.import_module(task.module).EXPERIMENT
-    plain: Tables = json.loads(json.dumps(experiment.measure(task.cell), default=lambda number: number.item()))
+    rows = _imported(task.place).measure(task.cell, task.settings)
+    plain: list[Row] = json.loads(json.dumps(rows, default=lambda number: number.item()))
     return plain  # as they are read from a file: numpy's numbers are Python's
+
+
+def _imported(place: str) -> Experiment:
+    module, _, attribute = place.partition(":")
+    found: Experiment = getattr(importlib.import_module(module), attribute)
+    return found
 
 
 def cell_key(cell: Cell) -> str:
@@ -82,6 +94,26 @@ class LabProgress:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Chapter:
+    """What an experiment found."""
+
+    name: str
+    title: str
+    section: Section
+    rows: list[Row]
+
+    def text(self, again: str = "") -> str:
+        """Return its sentences and its table as Markdown, and the command that makes them again."""
+        columns = self.section.columns
+        rows = self.rows if self.section.printed is None else self.section.printed
+        words = [head for head, name in columns.items() if any(isinstance(row.get(name), str) for row in rows)]
+        cells = [[_cell(row.get(name)) for name in columns.values()] for row in rows]
+        table = Table(header=[*columns], rows=cells, left=words).markdown() if columns else ""
+        made = f"Made again by: {again}\n" if again else ""
+        return "\n".join([f"## {self.title}\n", *self.section.sentences, "", table, made]).rstrip()
+
+
+@dataclass(frozen=True, kw_only=True)
 class LabResult:
     """The results of the lab."""
 
@@ -92,10 +124,8 @@ class LabResult:
     wall_time_s: float
 
     def text(self) -> str:
-        """Return the sentences of each experiment and the table of what was expected."""
-        parts = ["\n".join([f"{chapter.title}", *chapter.section.sentences]) for chapter in self.chapters]
-        table = expected_table(self.chapters)
-        return "\n\n".join([*parts, table.markdown().rstrip()] if table.rows else parts)
+        """Return what each experiment found."""
+        return "\n\n".join(chapter.text() for chapter in self.chapters)
 
 
 def load_experiment(name: str) -> Experiment:
@@ -106,8 +136,7 @@ def load_experiment(name: str) -> Experiment:
     """
     if name not in EXPERIMENTS:
         raise SettingsError(f"unknown experiment {name!r}; {accepted_names(name, EXPERIMENTS)}")
-    experiment: Experiment = importlib.import_module(EXPERIMENTS[name]).EXPERIMENT
-    return experiment
+    return _imported(EXPERIMENTS[name])
 
 
 def run_lab(
@@ -117,18 +146,18 @@ def run_lab(
     workers: int | None = None,
     settings: LabSettings | None = None,
     pictures: bool = True,
-    redraw: bool = False,
+    again: str = "",
     watch: Callable[[LabProgress], None] | None = None,
 ) -> LabResult:
-    """Measure what is missing of some experiments, and write the report.
+    """Measure what is missing of some experiments, and write what they found.
 
     Args:
       names: of the experiments; each once.
       out: a new or empty folder, or one of the lab with the same settings and sources; None: nothing is written.
       workers: processes; None: as many as there are cores; one: no other than this.
       settings: that all experiments share.
-      pictures: whether the report has figures.
-      redraw: measure nothing: write the report anew from the cells of `out`, whatever sources measured them.
+      pictures: whether to draw the figures.
+      again: the command that makes the results again, which is written beside them.
       watch: called several times a second.
 
     Raises:
@@ -138,35 +167,29 @@ def run_lab(
     """
     require_whole("workers", workers, 1, optional=True)
     settings = settings or LabSettings()
-    if redraw and out is None:
-        raise SettingsError("redraw without a folder; accepted: the folder of an earlier run")
     if pictures and out is not None:
         require_matplotlib()
     plan = {name: load_experiment(name).cells(settings) for name in dict.fromkeys(names)}
     folder = StudyFolder(out, title="lab", command="friction", manifest="lab.json") if out is not None else None
     with claimed(folder):
-        found: dict[str, dict[str, Tables]] = {name: {} for name in plan}
-        kept: dict[str, Rows[str, Tables]] = {}
+        kept: dict[str, Rows[str, list[Row]]] = {}
         if folder is not None:
-            folder.open(asdict(settings), lab_versions(), any_versions=redraw)
+            folder.open(settings.described(), lab_versions())
             kept = {name: _cells(folder, name) for name in plan}
-            found |= kept
+        found: dict[str, dict[str, list[Row]]] = {name: dict(kept.get(name, {})) for name in plan}
         missing = [
-            Task(name, EXPERIMENTS[name], cell)
+            Task(name, EXPERIMENTS[name], cell, settings)
             for name, cells in plan.items()
             for cell in cells
             if cell_key(cell) not in found[name]
         ]
-        if folder is not None and redraw and missing:
-            accepted = "a folder with all cells, or no redraw"
-            raise SettingsError(f"{folder.folder}: {missing[0]} is missing; accepted: {accepted}")
         count = sum(map(len, plan.values()))
 
-        def keep(task: Task, tables: Tables) -> None:
+        def keep(task: Task, rows: list[Row]) -> None:
             key = cell_key(task.cell)
             if folder is not None:
-                kept[task.name].add(key, tables, {"cell": task.cell, "tables": tables})
-            found[task.name][key] = tables
+                kept[task.name].add(key, rows, {"cell": task.cell, "rows": rows})
+            found[task.name][key] = rows
 
         def tell(measured: int, elapsed: float) -> None:
             if watch is not None:
@@ -174,14 +197,11 @@ def run_lab(
                 watch(LabProgress(cells=count, cells_found=there, cells_measured=measured, wall_time_s=elapsed))
 
         taken = work_through(measure, missing, keep, workers=workers, watch=tell)
-        chapters = tuple(_chapter(name, cells, found[name]) for name, cells in plan.items())
+        chapters = tuple(_chapter(name, cells, found[name], settings) for name, cells in plan.items())
         if folder is not None:
-            for name, cells in () if redraw else plan.items():
-                kept[name].sort([cell_key(cell) for cell in cells])
-            others = _complete_others(folder, plan, settings)
-            order = list(EXPERIMENTS)
-            everything = sorted((*chapters, *others), key=lambda chapter: order.index(chapter.name))
-            write_report(folder.folder, everything, asdict(settings), _made_with(folder), pictures=pictures)
+            for chapter in chapters:
+                kept[chapter.name].sort([cell_key(cell) for cell in plan[chapter.name]])
+                _write(folder.folder, chapter, again, pictures)
         return LabResult(
             chapters=chapters, folder=folder.folder if folder else None, cells=count, cells_measured=len(missing),
             wall_time_s=taken,
@@ -198,35 +218,37 @@ def lab_versions() -> dict[str, str]:
     return {**versions(), "lab_sha256": sources.hexdigest()}
 
 
-def _cells(folder: StudyFolder, experiment: str) -> Rows[str, Tables]:
+def _cells(folder: StudyFolder, experiment: str) -> Rows[str, list[Row]]:
     """Return the rows of the finished cells of an experiment, by `cell_key`."""
-    return folder.rows(f"cells/{experiment}.jsonl", lambda row: (cell_key(row["cell"]), row["tables"]), experiment)
+    return folder.rows(f"cells/{experiment}.jsonl", lambda row: (cell_key(row["cell"]), row["rows"]), experiment)
 
 
-def _made_with(folder: StudyFolder) -> dict[str, str]:
-    """Return the versions that measured, and which sources wrote the report, if they are others."""
-    ours = lab_versions()
-    return folder.versions | ({} if ours == folder.versions else {"redrawn_by_lab_sha256": ours["lab_sha256"]})
-
-
-def _chapter(name: str, cells: Sequence[Cell], found: dict[str, Tables]) -> Chapter:
-    """Write the chapter of an experiment from the rows of its cells."""
-    tables: Tables = {}
-    for cell in cells:
-        for table, rows in found[cell_key(cell)].items():
-            tables.setdefault(table, []).extend(rows)
+def _chapter(name: str, cells: Sequence[Cell], found: dict[str, list[Row]], settings: LabSettings) -> Chapter:
+    rows = [row for cell in cells for row in found[cell_key(cell)]]
     experiment = load_experiment(name)
-    section: Section = experiment.section(tables)
-    return Chapter(name=name, title=experiment.title, section=section, tables=tables)
+    return Chapter(name=name, title=experiment.title, section=experiment.section(rows, settings), rows=rows)
 
 
-def _complete_others(folder: StudyFolder, plan: dict[str, list[Cell]], settings: LabSettings) -> list[Chapter]:
-    """Return the chapters of experiments that earlier calls completed in this folder."""
-    chapters = []
-    for name in EXPERIMENTS:
-        found = {} if name in plan else _cells(folder, name)
-        if found:
-            cells = load_experiment(name).cells(settings)
-            if all(cell_key(cell) in found for cell in cells):
-                chapters.append(_chapter(name, cells, found))
-    return chapters
+def _write(folder: Path, chapter: Chapter, again: str, pictures: bool) -> None:
+    """Write table, text and figure of an experiment, in place of those of an earlier call."""
+    with blame(folder, WRITABLE):
+        write_file(folder / f"{chapter.name}.csv", Table.of(map(_known, chapter.rows)).csv().encode())
+        write_file(folder / f"{chapter.name}.md", f"{chapter.text(again)}\n".encode())
+        draw = chapter.section.draw
+        if pictures and draw is not None:
+            for kind in ("svg", "pdf"):
+                write_file(folder / f"{chapter.name}.{kind}", render(draw, chapter.section.height, kind))
+
+
+def _known(row: Row) -> Row:
+    """Return a row in which no number is NaN."""
+    return {name: None if isinstance(value, float) and math.isnan(value) else value for name, value in row.items()}
+
+
+def _cell(value: object) -> object:
+    """Return a value as the printed table has it."""
+    if not isinstance(value, float):
+        return value
+    if not math.isfinite(value):
+        return None if math.isnan(value) else "never"
+    return f"{value:.3f}" if abs(value) < 10.0 else f"{value:.1f}"

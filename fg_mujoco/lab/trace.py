@@ -92,6 +92,11 @@ class Trace:
         return speed
 
     @property
+    def wheel_speeds(self) -> FloatArray:
+        """Of the tires' surface, in the order of WHEELS. Shape (n, 4) [m/s]; negative: backwards."""
+        return self.records[:, self.sensors.wheel_speeds] * self.sensors.parameters.wheel_radius
+
+    @property
     def yaw_rate(self) -> FloatArray:
         """Shape (n,) [rad/s]."""
         return self.records[:, self.sensors.gyro][:, 2]

@@ -17,7 +17,7 @@ from ..course.obstacles import as_obstacles
 from ..course.writing import write_file
 from ..display import Shown, brief, paragraph, quoted, table
 from ..errors import SettingsError, accepted_names
-from ..messages import FloatArray
+from ..messages import FloatArray, require_whole
 from ..pictures.pages.table import Table
 from ..racing.entries import Entry
 from ..racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
@@ -29,9 +29,9 @@ from ..vehicle.tire_slip import sliding_text
 from .chunk_store import ChunkStore, FolderStore
 from .drive_worlds import laps_within
 from .job import Arrays, RolloutJob
+from .shares import Shares, wilson
 from .store import blame
 
-_Z = 1.959963984540054  # of 95 %
 _WORLDS_SHOWN = 10  # in a notebook
 
 _RECORDED = {"telemetry": "telemetry or states", "states": "states", "ctrl": "states"}  # in which rollouts each is
@@ -165,6 +165,20 @@ class RolloutResult(Shown):
         if "scan" not in self.settings:
             raise SettingsError("no scans were recorded; accepted: a rollout with record='scans'")
         return PARTS.find("dataset").of(self.chunks, sorted(set(self.places[:, 0].tolist())), self.settings)
+
+    def by(self, name: str, ranges: int = 8) -> Shares:
+        """Return the shares of worlds that finished, crashed and slid, in even ranges of a column such as "mu".
+
+        Raises:
+          SettingsError: no column of that name, or one that is not of numbers; no whole number of ranges.
+        """
+        require_whole("ranges", ranges, 1)
+        values = self[name]
+        if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+            numbers = [each for each in self.names if self.worlds.dtype[each].kind in "fiu"]
+            raise SettingsError(f"column {name!r} has no numbers; {accepted_names(name, numbers)}")
+        slid = self["slide_time_fraction"] if self.base.tire_set.slides else None
+        return Shares.of(name, values.astype(np.float64), self["end_reason"].tolist(), slid, ranges)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as they can stand in JSON."""
@@ -350,19 +364,3 @@ def _cell(value: Any) -> str:
         return "" if value != value else repr(value).removesuffix(".0")
     return str(value)
 
-
-def wilson(successes: int, count: int) -> tuple[float, float]:
-    """Return the interval of a share at 95 %, from 0 to 1; of nothing, 0 and 1.
-
-    Source: E. Wilson, Probable Inference, the Law of Succession, and Statistical Inference, Journal of the American
-    Statistical Association 22, 1927.
-    """
-    if count == 0:
-        return 0.0, 1.0
-    share, square = successes / count, _Z * _Z
-    middle = (share + 0.5 * square / count) / (1.0 + square / count)
-    half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2) / (1.0 + square / count)
-    return (
-        0.0 if successes == 0 else max(middle - half, 0.0),
-        1.0 if successes == count else min(middle + half, 1.0),
-    )  # fmt: skip

@@ -10,8 +10,8 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.main import main
+from fg_mujoco.lab.limits import stopping_distance
 from fg_mujoco.lab.manoeuvres import MANOEUVRES, find_manoeuvre
-from fg_mujoco.lab.straight_line_limits import stopping_distance
 from refusals import refused
 
 CAR = fg.Vehicle.load().parameters
@@ -51,11 +51,10 @@ def test_a_slow_circle_is_that_of_geometry(radius):
 
 
 @each("mu", [0.3, 0.6])
-def test_a_full_stop_takes_the_way_of_the_drive_train(mu):
-    """Torque is the same at all wheels: the rear ones, unloaded, let go first, and hold the front ones back."""
-    figures = fg.handling(fg.drive("brake[speed=5]", mu=mu))
-    assert figures["braking_distance_m"] == pytest.approx(stopping_distance(5.0, mu, CAR, "full"), rel=0.05)
-    assert figures["braking_distance_m"] > 1.05 * stopping_distance(5.0, mu, CAR, "held")
+def test_a_full_stop_takes_the_way_of_wheels_that_lock(mu):
+    """The shaft brakes both axles by what each holds; the servo needs its time to come to that."""
+    figures = fg.handling(fg.drive("brake[speed=5]", mu=mu, tires="coulomb"))
+    assert 1.0 < figures["braking_distance_m"] / stopping_distance(5.0, mu, CAR) < 1.05
 
 
 def test_a_floor_that_is_a_patch_all_over_is_a_floor_of_its_friction():

@@ -9,7 +9,7 @@ import pytest
 
 from cases import each
 from fg_mujoco.addons.arena.study.intervals import median_interval, share_difference
-from fg_mujoco.rollouts.rollout_result import wilson
+from fg_mujoco.rollouts.shares import wilson
 
 
 def pairs(both, first, second, neither):

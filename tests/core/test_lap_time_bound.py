@@ -12,7 +12,6 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.lab.lap_line import best_flying_lap, driven_lap
 from fg_mujoco.lab.lap_time_bound import HoldingCar, Line, PointMass, fastest_speeds, lap_time, smooth_line, step_times
-from fg_mujoco.lab.laps import GREATEST_RATIO
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -177,5 +176,5 @@ def test_lap_that_was_driven_is_slower_than_its_bound_and_within_the_goal(oval):
     # measured 1.13; l_corridor 1.19 and tight 1.30 are not (see the report)
     line = smooth_line(driven_lap(oval.car, best_flying_lap(oval.car), CAR).points, 0.005)
     bound = lap_time(line, fastest_speeds(line, point_mass(max_speed=8.0)))
-    assert bound < oval.car.lap_times_s[1] <= GREATEST_RATIO * bound
+    assert bound < oval.car.lap_times_s[1] <= 1.15 * bound
     assert oval.car.max_slide_m_s < SLIDING_SPEED

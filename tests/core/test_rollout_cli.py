@@ -10,7 +10,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.rollouts.rollout_result import wilson
+from fg_mujoco.rollouts.shares import wilson
 from rollout_worlds import stand_in
 
 pytestmark = pytest.mark.usefixtures("here")

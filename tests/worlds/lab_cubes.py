@@ -10,11 +10,11 @@ class Cubes:
     def cells(self, settings):
         return [{"number": number} for number in range(2)]
 
-    def measure(self, cell):
-        return {"volumes": [{"side_m": 1.0 * cell["number"], "volume_m3": 1.0 * cell["number"] ** 3}] * 20}
+    def measure(self, cell, settings):
+        return [{"side_m": 1.0 * cell["number"], "volume_m3": 1.0 * cell["number"] ** 3}] * 20
 
-    def section(self, tables):
-        return Section(sentences=(f"{len(tables['volumes'])} cubes.",), columns={"volumes": ("side_m", "volume_m3")})
+    def section(self, rows, settings):
+        return Section(sentences=(f"{len(rows)} cubes.",), columns={"side": "side_m", "volume": "volume_m3"})
 
 
 EXPERIMENT = Cubes()

@@ -3,7 +3,7 @@
 What makes a course hard with a seed is hard for both planners. So the difference within such a pair of runs says more
 than that of two averages does. `Differences` has the records and the table of them.
 
-`rollout_result.wilson` is the interval of a share.
+`shares.wilson` is the interval of a share.
 
 `share_difference`, of the difference of two shares of the same runs: R. Newcombe, Improved confidence intervals for the
 difference between binomial proportions based on paired data, Statistics in Medicine 17, 1998, method 10.
@@ -23,7 +23,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.rollouts.rollout_result import wilson
+from fg_mujoco.rollouts.shares import wilson
 
 if TYPE_CHECKING:
     from ..runs.run import RunRow

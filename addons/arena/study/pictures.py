@@ -13,7 +13,7 @@ from fg_mujoco.messages import FloatArray
 from fg_mujoco.pictures.course_drawing import draw_course, draw_obstacles, extent
 from fg_mujoco.pictures.pages.figure_kit import ALERT, COLOURS, picture
 from fg_mujoco.racing.resolved import Ground, ground_of
-from fg_mujoco.rollouts.rollout_result import wilson
+from fg_mujoco.rollouts.shares import wilson
 from fg_mujoco.simulation.cars import footprint
 
 from ..runs.run import Run, RunRow

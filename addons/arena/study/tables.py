@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.rollouts.rollout_result import wilson
+from fg_mujoco.rollouts.shares import wilson
 
 from ..runs.run import RunRow
 from .intervals import ALL, varied

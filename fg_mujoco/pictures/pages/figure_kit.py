@@ -55,6 +55,7 @@ _STYLE: Any = {
     "lines.markersize": 3.5,
     "svg.hashsalt": "fg_mujoco",  # the same rows, the same file
 }
+_UNDATED: dict[str, Any] = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}
 _ID = re.compile(r'\bid="([^"]+)"')
 _REFERENCE = re.compile(r'(url\(#|href="#)')
 
@@ -108,7 +109,7 @@ def render(draw: Callable[[Figure], None], height: float, kind: str = "svg") -> 
         figure = Figure(figsize=(WIDTH, height), layout="constrained")
         draw(figure)
         file = io.BytesIO()
-        figure.savefig(file, format=kind, dpi=DPI, metadata={"Date" if kind == "svg" else "Software": None})
+        figure.savefig(file, format=kind, dpi=DPI, metadata=_UNDATED[kind])
     return file.getvalue()
 
 

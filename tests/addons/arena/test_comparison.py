@@ -23,7 +23,7 @@ from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
 from fg_mujoco.errors import install_command
 from fg_mujoco.racing.resolved import Ground
-from fg_mujoco.rollouts.rollout_result import wilson
+from fg_mujoco.rollouts.shares import wilson
 
 CAR = fg.Vehicle.load().parameters
 GRID = ["planners.py:Gentle", "planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"]

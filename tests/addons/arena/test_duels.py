@@ -25,7 +25,7 @@ from fg_mujoco.addons.arena.study.plan import plan
 from fg_mujoco.addons.arena.study.suite import read_suite
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.rollouts.rollout_result import wilson
+from fg_mujoco.rollouts.shares import wilson
 
 SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"

@@ -1,0 +1,126 @@
+"""Steering steps: what a law that holds on steady circles leaves to the moment of turning in.
+
+A car comes straight ahead, and is steered to an angle as fast as its servo turns. Two speeds are found by bisection:
+
+- `turn_in`: the set point stays, and a tire slides. Turning the car takes lateral force besides that of the circle;
+- `approach`: the law slows the car from the moment at which it is steered, and a tire slides. The servo turns faster
+  than the car slows, so the law comes too late by the way of that.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..messages import DriveCommand, Odometry
+from ..pictures.pages import figure_kit as style
+from ..pictures.pages.figure_kit import column
+from ..vehicle.tire_slip import NO_PEAK
+from .experiment import Cell, Experiment, LabSettings, Row, Section, number
+from .lab_ground import LabGround
+from .limits import SteadyLimits, approach_limit, turn_in_limit
+
+if TYPE_CHECKING:
+    import matplotlib.figure
+
+_STRAIGHT, _TURNING = 0.3, 1.2  # [s] ahead at first, and steered
+_LOW, _HIGH = 0.2, 3.0  # of the law's speed: what is looked at
+_WIDTH = 0.005  # of it: to which a speed is found
+
+
+class Step:
+    """See the module."""
+
+    name = "step"
+    title = "Steering steps: turning in, and a law that slows the car when it steers"
+
+    def cells(self, settings: LabSettings) -> list[Cell]:
+        """One for each friction and steering angle."""
+        return [{"mu": mu, "steering": angle} for mu in settings.frictions for angle in settings.angles]
+
+    def measure(self, cell: Cell, settings: LabSettings) -> list[Row]:
+        """Find both speeds, and their closed forms."""
+        mu, steering = cell["mu"], cell["steering"]
+        ground, told = settings.ground(mu), settings.told(mu)
+        car, tires = ground.car.parameters, settings.tires.on(mu)
+
+        def law(odometry: Odometry) -> float:
+            return min(settings.speed_law(steering, odometry, car, told), car.max_speed)
+
+        ground.place(0.0)
+        speed = law(ground.car.odometry(ground.data))
+        row: Row = {"mu": mu, "steering_rad": steering, "law_mu": told, "law_speed_m_s": speed}
+        steady = SteadyLimits.of(car, tires, mu, steering)
+        grip = min(steady.grip, steady.spins)
+        turn_in = min(turn_in_limit(steady, car, tires, mu, steering), grip)
+        forms = {"turn_in": turn_in, "approach": approach_limit(car, told, steering, min(speed, turn_in))}
+        reason = "" if settings.tires.slides else NO_PEAK
+        for name in forms:
+            value = math.nan if reason or not speed > 0.0 else _first_slide(ground, steering, speed, law, name)
+            form = forms[name] / speed if speed > 0.0 else math.nan
+            row |= {f"{name}_over_law": value, f"{name}_over_law_closed_form": form}
+        return [row | {"safe": not number(row, "turn_in_over_law") < 1.0, "reason": reason}]
+
+    def section(self, rows: list[Row], settings: LabSettings) -> Section:
+        """Say at which shares of the law's speed a step slides."""
+        known = style.span(column(rows, "turn_in_over_law"), ".2f")
+        first = f"A step slides a tire from {known} of the law's speed on."
+        if not np.isfinite(column(rows, "turn_in_over_law")).any():
+            first = f"No step slides a tire up to {_HIGH:g} of the law's speed." if settings.tires.slides else NO_PEAK
+        second = (
+            f"With the law {settings.law!r} in command, a car that comes straight ahead slides from "
+            f"{style.span(column(rows, 'approach_over_law'), '.2f')} of the law's speed on; closed form of the servo's "
+            f"rate: {style.span(column(rows, 'approach_over_law_closed_form'), '.2f')}."
+        )
+        return Section(
+            sentences=(first, second),
+            columns={
+                "mu": "mu", "steering": "steering_rad", "law m/s": "law_speed_m_s", "turn in at": "turn_in_over_law",
+                "(form)": "turn_in_over_law_closed_form", "approach at": "approach_over_law",
+                "(form) ": "approach_over_law_closed_form", "safe": "safe",
+            },
+            draw=lambda figure: _draw(figure, rows),
+        )  # fmt: skip
+
+
+EXPERIMENT: Experiment = Step()
+
+
+def _first_slide(ground: LabGround, steering: float, law_speed: float, law: object, how: str) -> float:
+    """Return the speed over the law's from which on a step slides a tire; infinite: not up to what is looked at."""
+    top = min(_HIGH, ground.car.parameters.max_speed / law_speed)
+    if not _slides(ground, steering, top * law_speed, law, how):
+        return math.inf
+    low, high = 0.0, top
+    while high - low > _WIDTH:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _slides(ground, steering, middle * law_speed, law, how) else (middle, high)
+    return 0.5 * (low + high)
+
+
+def _slides(ground: LabGround, steering: float, speed: float, law: object, how: str) -> bool:
+    """Return whether a tire slides in a step at a speed [m/s]."""
+    ground.place(speed)
+    ground.drive(lambda odometry: DriveCommand(steering_angle=0.0, speed=speed), _STRAIGHT)
+
+    def driver(odometry: Odometry) -> DriveCommand:
+        limit = law(odometry) if how == "approach" and callable(law) else math.inf
+        return DriveCommand(steering_angle=steering, speed=min(speed, limit))
+
+    return bool(ground.drive(driver, _TURNING).slip.slides.any())
+
+
+def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
+    panels = zip(figure.subplots(1, 2), ("turn_in", "approach"), ("speed kept", "slowed by the law"), strict=True)
+    for axes, name, title in panels:
+        axes.axhline(1.0, color="0.6", linewidth=0.8)
+        for index, mu in enumerate(dict.fromkeys(number(row, "mu") for row in rows)):
+            own = [row for row in rows if number(row, "mu") == mu]
+            colour, angles = style.COLOURS[index % len(style.COLOURS)], column(own, "steering_rad")
+            form = column(own, f"{name}_over_law_closed_form")
+            style.theory(axes, angles, np.where(np.isfinite(form), form, np.nan), colour=colour)
+            style.measured(axes, angles, column(own, f"{name}_over_law"), f"mu {mu:.3g}", colour=colour)
+        axes.set_title(title, fontsize="medium")
+        style.finish(axes, "steering angle [rad]", "speed over the law's at which a tire slides [-]")
