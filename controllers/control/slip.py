@@ -193,13 +193,15 @@ def _wound_up(slip: Record, angle: float) -> float:
 
 
 @kernel
-def driving_held(slip: Record, car: Record, angle: float, reverse: bool, use: float) -> float:
-    """Return the acceleration over g at which the rear axle has a share of its peak, as the car drives on an arc.
+def driving_held(slip: Record, car: Record, angle: float, lateral: float, reverse: bool, use: float) -> float:
+    """Return the acceleration over g at which the inner rear tire has a share of its peak, as the car drives on an arc.
 
     On the arc of `angle` [rad] the front axle is dragged along by a wound-up shaft, see above, and the rear one has its
-    part to drive, too. Load moves to the rear axle, in reverse off it.
+    part to drive, too. Load moves to the rear axle, in reverse off it, and off the inner wheel by the lateral
+    acceleration over g; an open axle pulls alike with both.
     """
-    ratio = slip_angle(slip.rear, use * slip.rear.D)
+    inner = max(1.0 - 2.0 * car.center_of_gravity_height / car.track_width * lateral, 0.0)
+    ratio = slip_angle(slip.rear, use * inner * slip.rear.D)
     wound = 1.0 - math.cos(angle) if slip.wound_up > 0.0 else 0.0
     front = _axle_force(slip.front, ratio - wound) * car.rear_axle_distance / car.wheelbase
     rear = _axle_force(slip.rear, ratio) * car.front_axle_distance / car.wheelbase

@@ -357,7 +357,8 @@ def _approach(
     share = longitudinal_share(used, exponent)
     if limiter.slip.needs_slip_angle and reference * speed_now >= 0.0:
         reverse, use = reference < 0.0, settings.accelerating_use
-        held = car.gravity * driving_held(limiter.slip, car, math.atan(slope), reverse, use)
+        lateral = min(used, 1.0) * limiter.mu
+        held = car.gravity * driving_held(limiter.slip, car, math.atan(slope), lateral, reverse, use)
         most = math.copysign(min(abs(most), held), most)
     if reference < 0.0:
         if limiter.slip.needs_slip_angle:

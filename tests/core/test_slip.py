@@ -63,7 +63,7 @@ def test_a_car_at_full_lock_runs_on_the_arc_that_its_wound_up_shaft_leaves():
 def test_the_rear_tires_drive_at_full_lock_up_to_their_share_of_the_peak(reverse):
     ground = LabGround()
     slip, car = (FrictionLimiter(ground.car.parameters, 0.94).record[0][name] for name in ("slip", "car"))
-    held, sign = driving_held(slip, car, 0.4, reverse, 0.865) * 9.81, -1.0 if reverse else 1.0
+    held, sign = driving_held(slip, car, 0.4, 0.0, reverse, 0.865) * 9.81, -1.0 if reverse else 1.0
     ground.place(0.0)
     ground.run([DriveCommand(steering_angle=0.42, speed=0.0)] * 20)
     driver = lambda odometry: DriveCommand(steering_angle=0.42, speed=odometry.speed + sign * held * 0.1)  # noqa: E731
