@@ -160,7 +160,7 @@ def test_curvature_of_a_noisy_circle_is_that_of_the_circle(radius):
 
 @pytest.fixture(scope="module")
 def oval():
-    return fg.race("oval", laps=2, assist="full-remember")
+    return fg.race("oval", laps=2, assist="full-remember", tires="coulomb")
 
 
 def test_driven_line_and_speeds_give_the_lap_time_back(oval):
