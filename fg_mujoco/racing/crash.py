@@ -24,7 +24,7 @@ from ..vehicle.tires import tires_of
 
 _SLIDE, _TIME = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s"), TELEMETRY.index("time_s")
 _LAP, _X, _VX = (TELEMETRY.index(name) for name in ("lap", "x_m", "vx_m_s"))
-_TOLD = math.radians(10.0)  # of sideslip, from which the text has it
+_TOLD = 0.25  # [rad] of sideslip, from which the text has it: a little more than any car has that rolls round a bend
 _TOGETHER = {
     WHEELS: "all tires", WHEELS[:2]: "the front tires", WHEELS[2:]: "the rear tires", WHEELS[::2]: "the left tires",
     WHEELS[1::2]: "the right tires",

@@ -115,7 +115,7 @@ def test_a_car_that_stands_is_awake(policy, tmp_path):
     text = (files("fg_mujoco.models") / "f1tenth.xml").read_text("utf-8")
     path = tmp_path / "car.xml"
     path.write_text(text.replace('sleep="never"', f'sleep="{policy}"'), "utf-8")
-    simulation = fg.Simulation(fg.World(fg.OpenGround(seconds=20.0), path))
+    simulation = fg.Simulation(fg.World(fg.OpenGround(seconds=20.0), path, tires="coulomb"))
     simulation.reset()
     for speed, ticks in ((0.0, 200), (1.0, 40)):
         for _ in range(ticks):

@@ -15,6 +15,7 @@ from cases import each
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import Car
 from fg_mujoco.vehicle.vehicle import Vehicle
+from vehicle_worlds import open_file
 
 SCENE = str(files("fg_mujoco.models") / "scene.xml")
 WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
@@ -107,7 +108,7 @@ def test_pose_is_where_the_car_was_set(x, y, heading, speed, prefix):
 
 
 def test_imu_feels_the_turn():
-    model, data, car = flat_world()
+    model, data, car = flat_world(vehicle=open_file())
     car.set_pose(data, 0, 0, 0, 2.0)
     car.apply(data, DriveCommand(steering_angle=0.2, speed=2.0))
     run(model, data, 2.0)

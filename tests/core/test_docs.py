@@ -42,7 +42,7 @@ NEEDS = {
 ENTRY_POINT_GROUPS = {  # names for other packages, not modules
     "fg_mujoco.scenes", "fg_mujoco.controllers", "fg_mujoco.tires", "fg_mujoco.vehicles", "fg_mujoco.track_formats",
     "fg_mujoco.rewards", "fg_mujoco.end_conditions", "fg_mujoco.observations", "fg_mujoco.sensors",
-    "fg_mujoco.speed_laws",
+    "fg_mujoco.speed_laws", "fg_mujoco.tire_laws",
 }  # fmt: skip
 
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)

@@ -13,6 +13,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.lab.limits import stopping_distance
 from fg_mujoco.lab.manoeuvres import MANOEUVRES, find_manoeuvre
 from refusals import refused
+from vehicle_worlds import open_file
 
 CAR = fg.Vehicle.load().parameters
 HEADER = "time_s,steering_angle_rad,speed_m_s\n"
@@ -34,7 +35,8 @@ def after(result, time, *names):
 
 @each("radius", [2.0, -1.2])
 def test_a_slow_circle_is_that_of_geometry(radius):
-    result = fg.drive(f"circle[radius={radius},speed=0.5,turns=1]")
+    """Of wheels that roll without slip: on ideal tires, and without a shaft, which makes axles of two circles slip."""
+    result = fg.drive(f"circle[radius={radius},speed=0.5,turns=1]", vehicle=open_file(), tires="coulomb")
     vx, vy, yaw_rate, lateral, ahead, sideslip, steering = after(
         result, 4.0, "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "ay_m_s2", "ax_m_s2", "sideslip_rad", "steering_angle_rad"
     )

@@ -97,9 +97,9 @@ def test_a_reward_term_is_its_closed_form(name):
 
 
 def test_a_car_that_slides_is_paid_for_drifting_and_one_that_grips_is_not():
-    """On the default tires: full throttle in a bend and off it, again and again; and a circle at 5 m/s^2."""
+    """Where the tires hold less than the drive gives: full throttle in a bend, off it, again; a circle at 5 m/s^2."""
     def seconds(commands):
-        env = F1TenthEnv(track="open_ground:8", observation="speed", rewards="drift")
+        env = F1TenthEnv(track="open_ground:8", observation="speed", rewards="drift", mu=0.6)
         env.reset(seed=0)
         for step in range(320):
             *_, info = env.step(np.array(commands[step % len(commands)]))

@@ -13,12 +13,12 @@ from fg_mujoco.vehicle.vehicle import Vehicle
 _FORCES = WeakKeyDictionary()
 
 
-def flat_world(mu=None, prefix="", timestep=None, tires="contact", **ground):
+def flat_world(mu=None, prefix="", timestep=None, tires="contact", vehicle="f1tenth", **ground):
     """Return (model, data, car) of the car on its endless plane; `ground` are attributes of the plane.
 
     On MuJoCo's contacts mujoco.mj_step steps it; on tires of ours `step` and `run` do.
     """
-    car = Vehicle.load().spec(mu, tires=Tires.load(tires))
+    car = Vehicle.load(vehicle).spec(mu, tires=Tires.load(tires))
     for name, value in ground.items():
         setattr(car.geom("ground"), name, value)
     world = car

@@ -38,6 +38,14 @@ def made_file():
     return str(path)
 
 
+@cache
+def open_file():
+    """Return the path of models/f1tenth.xml with a differential for a shaft: its wheels roll without slip in bends."""
+    path = Path(mkdtemp()) / "open.xml"
+    path.write_text(with_drive_line(F1TENTH, centre="open"), encoding="utf-8")
+    return str(path)
+
+
 def load(name):
     """Return a bundled vehicle, or the made one."""
     return fg.Vehicle.load(made_file() if name == "made" else name)
