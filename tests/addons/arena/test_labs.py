@@ -69,7 +69,7 @@ def verdicts(lab, planner):
         "but only 0.0 m driven"),
        ("no_slide", "least_progress_m = 3\nmost_share = 0.2", "time_limit = 2", "mine.py:Steady",
         "mine.py:Steady[speed=8,steering=0.4]", "% of the time"),
-       ("lap_time", "most_s = 9.25", "laps = 1", "follow_the_gap", "pure_pursuit", "best lap 9.3"),
+       ("lap_time", "most_s = 9.25", "laps = 1\ntires = 'coulomb'", "follow_the_gap", "pure_pursuit", "best lap 9.3"),
        ("mean_speed", "least_m_s = 1.5\nleast_progress_m = 1", "time_limit = 2", "mine.py:Steady",
         "mine.py:Steady[speed=1]", "0.9"),
        ("keeps_clear", "least_m = 0.3\nleast_progress_m = 3", "time_limit = 2", "mine.py:Steady",
@@ -81,7 +81,7 @@ def verdicts(lab, planner):
        ("stops_before", "least_speed_m_s = 1.9", f"{WALL}\ntime_limit = 3", "mine.py:Steady[brakes_at=2.1]",
         "mine.py:Steady", "does not stand: crash: hit obstacle"),
        ("stopping_distance", "from_m_s = 1.9\nmost_m = 0.5", "time_limit = 3", "mine.py:Steady[brakes_at=1]",
-        "mine.py:Steady[brakes_at=1,slows=2]", "0.9"),
+        "mine.py:Steady[brakes_at=1,slows=2]", "1.0"),  # 1.9^2 / (2 * 2) = 0.90, and up to 1.9 * 0.1 of the servo's lag
        ("stopping_distance", "from_m_s = 1.9\nmost_m = 0.5", "time_limit = 2", "mine.py:Steady[brakes_at=1]",
         "mine.py:Steady", "does not stop: time limit"),
        ("wins", "", "opponents = ['mine.py:Steady[speed=0.2]']\ntime_limit = 8\n" + CORRIDOR, "gap_finder",
