@@ -1,6 +1,7 @@
 """Against an independent single-track model with the same curves, integrated by scipy.
 
 The car's centre of gravity is moved down to 2 mm, so that hardly any load is transferred, and load sensitivity is off.
+The model's axles roll freely, as the car's do without a shaft, whose axles brake each other in a bend.
 The model's forward speed and steering angle are those of the car; its yaw rate and sideslip are its own. MuJoCo's
 velocities are those of half a physics step before its positions.
 """
@@ -19,6 +20,7 @@ from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tires import Coulomb, Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
+from vehicle_worlds import open_file
 
 integrate = pytest.importorskip("scipy.integrate")
 
@@ -33,7 +35,7 @@ def set_of(name):
 
 def drive(tires, steering, speed, seconds):
     """Drive the car; return it and, for each physics step, time, vx and vy of the CoG, yaw rate, steering angle."""
-    model = Vehicle.load().spec(changes=CarChanges(center_of_gravity_height=0.002), tires=tires).compile()
+    model = Vehicle.load(open_file()).spec(changes=CarChanges(center_of_gravity_height=0.002), tires=tires).compile()
     data, car, forces = mujoco.MjData(model), Car(model), TireForces(model)
     car.set_pose(data, 0.0, 0.0, 0.0, speed)
     forces.begin(data)
