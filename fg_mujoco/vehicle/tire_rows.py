@@ -232,7 +232,8 @@ def _require_plain_contact(model: mujoco.MjModel, prefix: str, wheels: Sequence[
 def _require_free_spins(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> None:
     """Refuse equalities of the wheels' spins: they act once a physics step, in which a tire answers many times."""
     spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in wheels]
-    loss = float(model.tendon_frictionloss[element_id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")])
+    drive = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")  # -1: wheels that are no car's
+    loss = float(model.tendon_frictionloss[drive]) if drive >= 0 else 0.0
     if loss > 0.0:
         raise ModelError(f"tendon 'drive' has frictionloss {loss:g}; accepted: a numeric 'drag_brake' [N] in <custom>")
     for equality in range(model.neq):

@@ -33,7 +33,7 @@ CAR = fg.World("oval").parameters
 @cache
 def planned(track, seconds):
     """What a race has recorded of the planner, as bytes."""
-    return fg.race(track, BASE, mu=0.7, time_limit=seconds).car.telemetry.tobytes()
+    return fg.race(track, BASE, mu=0.7, planner_mu=0.7, time_limit=seconds).car.telemetry.tobytes()
 
 
 @cache
