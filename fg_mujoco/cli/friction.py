@@ -25,7 +25,12 @@ _ALL = "all"
 _POINTS = 4  # of a range
 _MOST_POINTS = 1000
 _OF_CIRCLES, _OF_RACES = ("skidpad", "sets", "step", "braking"), ("laps", "mismatch")
-_ONLY = {"steering": _OF_CIRCLES, "planner_mu": ("mismatch",), "track": _OF_RACES, "laps": _OF_RACES}
+_OF_ONE_SET = tuple(name for name in EXPERIMENTS if name != "sets")
+_ONLY = {
+    "steering": _OF_CIRCLES, "planner_mu": ("mismatch",), **dict.fromkeys(("tires", "floor", "mu"), _OF_ONE_SET),
+    **dict.fromkeys(("track", "laps", "controller", "assist"), _OF_RACES),
+    "law": tuple(name for name in EXPERIMENTS if name != "braking"),
+}  # fmt: skip
 """Options that some of the experiments take."""
 
 
@@ -50,7 +55,7 @@ def _experiment(parser: argparse.ArgumentParser) -> None:
     _experiment,
     option(
         "--law", f"speed law: {{names}}, or path/to/file.py:NAME of a function (steering_angle, odometry, car, mu); "
-        f"default: {DEFAULT_LAW}", "LAW", default=DEFAULT_LAW, names=LAWS.names,
+        f"default: {DEFAULT_LAW}", "LAW", names=LAWS.names,
     ),
     option(
         "--mu", "friction of the tires, or their greatest peak: values with commas, or LOW:HIGH or LOW:HIGH:COUNT; "
@@ -79,8 +84,9 @@ def friction_command(options: argparse.Namespace) -> int:
             raise SettingsError(f"{said}; accepted: with {', '.join(experiments)}, or {_ALL}")
     tracks = tuple(given["track"]) if given["track"] else None
     settings = LabSettings(
-        entry=setup_of(options, lists=("track", "mu", "planner_mu", "laps")).first, law=options.law, mus=options.mu,
-        planner_mus=given["planner_mu"], steerings=given["steering"], tracks=tracks, laps=given["laps"],
+        entry=setup_of(options, lists=("track", "mu", "planner_mu", "laps")).first, mus=options.mu,
+        law=DEFAULT_LAW if options.law is None else options.law, planner_mus=given["planner_mu"],
+        steerings=given["steering"], tracks=tracks, laps=given["laps"],
     )  # fmt: skip
     with study(options, "cells", _progress) as watch:
         result = run_lab(

@@ -131,5 +131,6 @@ def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
                     axes, column(found, name), column(found, "over_closed_form"), f"{how}, mu {mu:.3g}",
                     colour=style.COLOURS[index % len(style.COLOURS)], fillstyle=filled,
                 )  # fmt: skip
+        style.few_ticks(axes)
         axes.set_title("straight ahead" if axes is left else "on a circle", fontsize="medium")
         style.finish(axes, label, "way over v²/(2 mu g) [-]" if axes is left else "", legend=axes is left)

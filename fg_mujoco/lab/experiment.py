@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
+from ..course.formats import load_course
 from ..errors import SettingsError
 from ..messages import Odometry, require_whole, shown
 from ..racing.entries import Entry
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 STEERINGS = (0.05, 0.1, 0.2, 0.3, 0.4)
 """[rad] Steering angles of circles, up to the car's lock, unless a setting names others."""
+
+TOLD = "Told is the friction that the law gets: the least peak of the tires."
 
 _ROLLS = Odometry(
     stamp=0.0, speed=1.0, steering_angle=0.0, angular_velocity=np.zeros(3), linear_acceleration=np.zeros(3),
@@ -47,6 +50,7 @@ class LabSettings:
 
     Raises:
       SettingsError: a friction, a steering angle or a law that no cell can be measured with.
+      TrackError: a course that there is not.
     """
 
     entry: Entry = field(default_factory=Entry)  # the car, its tires and floor; its planner in laps and mismatch
@@ -66,6 +70,8 @@ class LabSettings:
         if self.mus is not None and self.entry.set_mu is not None:
             where = "the floor" if self.entry.floor is not None else "mu of the car"
             raise SettingsError(f"mu is {shown(self.mus)}, and {where} sets one, too; accepted: one of them")
+        for track in self.tracks or ():
+            load_course(track, self.entry.car.parameters)
         self.try_law(*self.angles)
 
     def try_law(self, *angles: float) -> None:

@@ -211,5 +211,6 @@ def _draw_mismatch(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
                            linestyle="-", linewidth=0.6)  # fmt: skip
             crashed = [row for row in own if not row["finished"]]
             axes.plot(column(crashed, "ratio"), np.nan_to_num(column(crashed, name)), "x", color=colour, markersize=6.0)
+        axes.plot([], [], "x", color="0.25", markersize=6.0, label="did not finish")
         axes.axvline(1.0, color="0.6", linewidth=0.8)
         style.finish(axes, "planner's mu over the tires' [-]", label, legend=axes is panels[0])

@@ -18,7 +18,7 @@ from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..vehicle.tire_slip import NO_PEAK
 from ..vehicle.tires import tire_names
-from .experiment import Cell, Experiment, LabSettings, Row, Section, number, share_of
+from .experiment import TOLD, Cell, Experiment, LabSettings, Row, Section, number, share_of
 from .limits import LEAVES, SteadyLimits
 from .steady_circle import CircleReading, NeverError, SteadyCircle, UnreachableError
 
@@ -86,9 +86,10 @@ class Skidpad:
             f"{_HIGH:g} of sqrt(g mu b / tan d)."
         )
         return Section(
-            sentences=(" ".join(first), _beside_closed_forms(rows), key),
+            sentences=(" ".join(first), _beside_closed_forms(rows), key, TOLD),
             columns={
-                "mu": "mu", "steering": "steering_rad", "law m/s": "law_speed_m_s", "slides": "slides_over_law",
+                "mu": "mu", "told": "law_mu", "steering": "steering_rad", "law m/s": "law_speed_m_s",
+                "slides": "slides_over_law",
                 "(form)": "slides_over_law_closed_form", "lifts": "lifts_over_law",
                 "(form) ": "lifts_over_law_closed_form", "leaves arc": "leaves_arc_over_law",
                 "(form)  ": "leaves_arc_over_law_closed_form", "curvature": "curvature_at_law",
@@ -177,6 +178,8 @@ def _over(speed: float, law: float) -> float:
 
 def _curvature(circle: SteadyCircle, speed: float) -> float:
     """Return the curvature at a speed [m/s] over that of the steered arc; NaN: the car does not hold it."""
+    if speed <= 0.0:
+        return math.nan
     try:
         reading = circle.at(speed / circle.law)
     except UnreachableError:
@@ -220,6 +223,8 @@ def _draw(figure: matplotlib.figure.Figure, rows: list[Row], by: str = "mu") -> 
         right.plot(angles, column(own, "curvature_at_law_closed_form"), color=colour, linewidth=0.8)
         style.measured(right, angles, column(own, "curvature_at_law"), title, colour=colour, marker=marker)
     right.axhline(1.0, color="0.6", linewidth=0.8)
+    style.theory(left, [], [], "lines: closed forms")
+    style.few_ticks(left, right)
     style.finish(left, "steering angle [rad]", "speed over the law's [-]", legend=False)
     style.finish(right, "steering angle [rad]", "curvature at the law's speed [-]", legend=False)
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize="small")

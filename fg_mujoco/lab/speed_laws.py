@@ -93,16 +93,17 @@ class SpeedLaw:
         """Return the law's speed [m/s]."""
         at = f"speed law {self.name!r} at a steering angle of {steering_angle:g} rad and mu {mu:g}"
         try:
-            speed: Any = self.function(steering_angle, odometry, car, mu)
+            answer: Any = self.function(steering_angle, odometry, car, mu)
+            speed = float(answer) if isinstance(answer, Real) and not isinstance(answer, bool) else math.nan
         except BaseException as error:
             if not is_of_planner(error):
                 raise
             file = inspect.getsourcefile(inspect.unwrap(self.function))
             said = one_line(error) if file is None else error_text(error, file)
             raise SettingsError(f"{at} raises {said}; accepted: {_ANSWERS}") from error
-        if isinstance(speed, bool) or not isinstance(speed, Real) or not float(speed) >= 0.0:
-            raise SettingsError(f"{at} answers {shown(speed)}; accepted: {_ANSWERS}")
-        return float(speed)
+        if not speed >= 0.0:
+            raise SettingsError(f"{at} answers {shown(answer)}; accepted: {_ANSWERS}")
+        return speed
 
 
 @without_exit()

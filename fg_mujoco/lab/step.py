@@ -18,7 +18,7 @@ from ..messages import DriveCommand, Odometry
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..vehicle.tire_slip import NO_PEAK
-from .experiment import Cell, Experiment, LabSettings, Row, Section, number
+from .experiment import TOLD, Cell, Experiment, LabSettings, Row, Section, number
 from .lab_ground import LabGround
 from .limits import SteadyLimits, approach_limit, turn_in_limit
 
@@ -75,9 +75,10 @@ class Step:
             f"rate: {style.span(column(rows, 'approach_over_law_closed_form'), '.2f')}."
         )
         return Section(
-            sentences=(first, second),
+            sentences=(first, second, TOLD),
             columns={
-                "mu": "mu", "steering": "steering_rad", "law m/s": "law_speed_m_s", "turn in at": "turn_in_over_law",
+                "mu": "mu", "told": "law_mu", "steering": "steering_rad", "law m/s": "law_speed_m_s",
+                "turn in at": "turn_in_over_law",
                 "(form)": "turn_in_over_law_closed_form", "approach at": "approach_over_law",
                 "(form) ": "approach_over_law_closed_form", "safe": "safe",
             },
@@ -120,7 +121,9 @@ def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
             own = [row for row in rows if number(row, "mu") == mu]
             colour, angles = style.COLOURS[index % len(style.COLOURS)], column(own, "steering_rad")
             form = column(own, f"{name}_over_law_closed_form")
-            style.theory(axes, angles, np.where(np.isfinite(form), form, np.nan), colour=colour)
+            style.theory(axes, angles, np.where(form < _HIGH, form, np.nan), colour=colour)
             style.measured(axes, angles, column(own, f"{name}_over_law"), f"mu {mu:.3g}", colour=colour)
+        style.theory(axes, [], [], "lines: closed forms")
+        style.few_ticks(axes)
         axes.set_title(title, fontsize="medium")
         style.finish(axes, "steering angle [rad]", "speed over the law's at which a tire slides [-]")

@@ -133,11 +133,14 @@ class Shares:
         def draw(figure: object) -> None:
             axes = figure.add_subplot()  # type: ignore[attr-defined]
             middle = 0.5 * (self.edges[1:] + self.edges[:-1])
-            for kind, colour, marker in zip(self.counts, COLOURS, MARKERS, strict=False):
+            for place, (kind, colour, marker) in enumerate(zip(self.counts, COLOURS, MARKERS, strict=False)):
                 share, bounds = 100.0 * self.share(kind), 100.0 * self.interval(kind)
                 spread = np.maximum(np.stack((share - bounds[:, 0], bounds[:, 1] - share)), 0.0)
                 look = {"color": colour, "marker": marker, "capsize": 2.0, "linewidth": 0.8}
-                axes.errorbar(middle, share, spread, label=kind, **look)
-            finish(axes, f"{self.name} [-]" if self.name == "mu" else self.name, "share of the worlds [%]")
+                aside = 0.1 * (place - 1) * (self.edges[1] - self.edges[0])  # so that intervals stand side by side
+                axes.errorbar(middle + aside, share, spread, label=kind, **look)
+            name = f"{self.name} [-]" if self.name == "mu" else self.name
+            finish(axes, name, "share of the worlds [%]", legend=False)
+            figure.legend(loc="outside upper center", ncols=len(self.counts))  # type: ignore[attr-defined]
 
         write_file(Path(path), render(draw, 3.0, Path(path).suffix.removeprefix(".")))

@@ -146,6 +146,13 @@ def test_measured_tires_understeer_as_the_closed_form_says_before_they_slide():
     assert row["curvature_at_law"] == pytest.approx(row["curvature_at_law_closed_form"], abs=0.02)
 
 
+def test_a_law_that_stands_still_is_safe_and_its_curvature_is_no_number(tmp_path):
+    (tmp_path / "my.py").write_text("def law(steering_angle, odometry, car, mu): return 0.0")
+    settings = LabSettings(law=f"{tmp_path}/my.py:law")
+    (row,) = EXPERIMENT.measure({"mu": 0.8, "steering": 0.3}, settings)
+    assert row["safe"] and math.isnan(row["curvature_at_law"])
+
+
 def test_the_sliding_of_tires_without_a_peak_is_not_measured():
     row = measure(1.0489, 0.2, tires="f1tenth_gym")
     assert math.isnan(row["slides_over_law"]) and "not measured" in row["reason"]

@@ -24,6 +24,7 @@ def negative(steering_angle, odometry, car, mu): return -1.0
 def many(steering_angle, odometry, car, mu): return [1.0]
 def yes(steering_angle, odometry, car, mu): return True
 def raises(steering_angle, odometry, car, mu): return 1 / 0
+def endless(steering_angle, odometry, car, mu): return 10**400
 def other(speed): return 1.0
 number = 3
 """
@@ -55,7 +56,7 @@ def test_the_bundled_laws_are_the_fields_formula_its_steps_and_our_limiters():
     ("name", "said"),
     [("none", "answers None"), ("nan", "answers nan"), ("negative", "answers -1.0"), ("many", "answers [1.0]"),
      ("yes", "answers True"), ("raises", "raises ZeroDivisionError: division by zero"), ("other", "takes (speed)"),
-     ("number", "is a int"), ("lw", "accepted: ")],
+     ("number", "is a int"), ("endless", "OverflowError"), ("lw", "accepted: ")],
 )  # fmt: skip
 def test_a_law_that_is_none_is_refused_in_one_line_before_anything_is_driven(tmp_path, mine, capsys, name, said):
     assert said in refused(tmp_path, capsys, "friction", "skidpad", "--law", f"{mine}:{name}")

@@ -151,7 +151,7 @@ def test_a_file_says_only_in_what_it_differs_from_a_set_that_it_is_like(tmp_path
     assert (wet.front, wet.rear, wet.floor, wet.name) == (dry.front, dry.rear, "a wet hall", "wet")
     assert wet.peak is None and wet.on(dry.peak) == dry and wet.sha256 != dry.sha256
     for text, said in (
-        ('like = "nuc99"', "tires 'nuc99' are not known; accepted: "),
+        ('like = "nuc99"', "wet.toml: like: tires 'nuc99' are not known; accepted: "),
         ("like = 3", "like is 3; accepted: the name of a bundled set"),
         ('like = "ipz"\nfriction = "mine"', "friction is 'mine'; accepted: 'vehicle', or none"),
     ):
@@ -343,6 +343,8 @@ def test_a_law_in_a_file_drives_races_rollouts_and_replays_which_run_none_of_its
         ("/ 0.4)", "/ 0.3)", r"slope is 9.42478, but the force has 7.069 per rad"),
         ("self.D * math.sin", "(slip > 0.25 and 0.2) + self.D * math.sin", r"force\(0.25.*\) is .*; accepted: finite"),
         ("self.D * math.sin(", "(abs(slip) < 0.25) * self.D * math.sin(", r"the force jumps at a slip of 0.2"),
+        ("return", "exit(); return", r"force\(0\) fails: SystemExit"),
+        ("import math", "raise SystemExit(0)", r"tire law mine.py does not import: SystemExit: 0"),
         ("import math", "import nothing_such", r"tire law mine.py does not import: ModuleNotFoundError"),
         ("class Mine", "class Other", r"tire law mine.py has no Mine; accepted: Other"),
         ("(Law)", "", r"tire law mine.py has no Mine; accepted: a subclass of Law there"),

@@ -164,6 +164,12 @@ def log_from_zero(axes: Axes, least: float) -> None:
     axes.set_ylim(0.0, None)
 
 
+def few_ticks(*panels: Axes) -> None:
+    """Leave so few ticks on the horizontal axes that their numbers stand apart."""
+    for axes in panels:
+        axes.locator_params(axis="x", nbins=5)
+
+
 def finish(axes: Axes, x_label: str, y_label: str, *, legend: bool = True) -> None:
     """Name the axes, with their units, and add the legend if there is anything in it."""
     axes.set(xlabel=x_label, ylabel=y_label)

@@ -80,7 +80,7 @@ def find_law(source: str, folder: Path, where: str) -> tuple[type[Law], str]:
         sys.modules[module.__name__] = module  # dataclasses look their module up there
         try:
             exec(compile(text, path, "exec"), module.__dict__)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             said = " ".join(f"{type(error).__name__}: {error}".split())
             raise SettingsError(f"{where}: tire law {path} does not import: {said}; accepted: a Python file") from error
         own = [each for each in vars(module).values() if isinstance(each, type) and each.__module__ == module.__name__]

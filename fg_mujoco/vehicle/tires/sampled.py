@@ -139,8 +139,9 @@ def sampled(law: Law, where: str) -> Sampled:
 def _told(law: Law, name: str, where: str) -> float:
     try:
         value = float(getattr(law, name))
-    except Exception as error:
-        raise SettingsError(f"{where}: {name} fails: {type(error).__name__}: {error}; accepted: a number") from error
+    except (Exception, SystemExit) as error:
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        raise SettingsError(f"{where}: {name} fails: {said}; accepted: a number") from error
     if not value > 0.0 or (math.isinf(value) and name != "peak_slip"):
         raise SettingsError(f"{where}: {name} is {value:g}; accepted: a number above 0")
     return value
@@ -152,7 +153,7 @@ def _forces(law: Law, slips: FloatArray, where: str) -> FloatArray:
     for k, slip in enumerate(slips.tolist()):
         try:
             found[k], other = float(law.force(slip)), float(law.force(-slip))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             said = f"{where}: force({slip:g}) fails: {' '.join(f'{type(error).__name__}: {error}'.split())}"
             raise SettingsError(f"{said}; accepted: force(self, slip) -> float") from error
         if not math.isfinite(found[k]) or not abs(found[k] + other) <= 1e-9 * max(abs(other), 1.0):

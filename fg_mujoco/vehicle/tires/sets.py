@@ -359,7 +359,10 @@ def _of(table: Mapping[str, Any], where: str, folder: Path) -> Tires:
 def _like(name: Any, where: str) -> Tires:
     if not isinstance(name, str) or name.endswith(".toml"):
         raise SettingsError(f"{where}: like is {name!r}; accepted: the name of a bundled set")
-    return Tires.load(name)
+    try:
+        return Tires.load(name)
+    except SettingsError as error:
+        raise SettingsError(f"{where}: like: {error}") from error
 
 
 def _axle(table: Mapping[str, Any], law: type[Law], where: str) -> AxleTires:
@@ -380,7 +383,8 @@ def _axle(table: Mapping[str, Any], law: type[Law], where: str) -> AxleTires:
 def _curve(table: Mapping[str, Any], law: type[Law], where: str) -> Law:
     for name in law.needed():
         if name not in table:
-            raise SettingsError(f"{where}: has no {name}; accepted: {', '.join(law.needed())} of {law.model!r}")
+            of = f"{', '.join(law.needed())} of {law.model or law.__name__!r}"
+            raise SettingsError(f"{where}: has no {name}; accepted: {of}")
     curve: Law = _made(law, where, **table)
     return curve
 
