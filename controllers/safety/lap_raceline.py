@@ -373,7 +373,10 @@ def follow_line(
         target = window[min(point + int((_REACH + _REACH_TIME * max(now, 0.0)) / spacing), len(window) - 1)]
         dx, dy = target[X] - lap.x, target[Y] - lap.y
         cos, sin = math.cos(lap.heading), math.sin(lap.heading)
-        steering = saturate(arc_through(cos * dx + sin * dy, cos * dy - sin * dx, car.wheelbase), most)
+        ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+        if not _sees_way(ahead, left, geometry, ranges, car):  # a wall is between, as on the inside of a hairpin
+            return AWAY
+        steering = saturate(arc_through(ahead, left, car.wheelbase), most)
     speed = min(speed, math.sqrt(2.0 * uses_on(limiter)[1] * limiter.braking * (free - _STOPS_BEFORE)))
     reference.steering_angle = steering
     reference.speed = min(reference.speed, speed) if not line.follows else speed
@@ -426,6 +429,18 @@ def free_on(
                 return k * spacing
             beam += step
     return math.inf
+
+
+@kernel
+def _sees_way(ahead: float, left: float, geometry: Record, ranges: FloatArray, car: Record) -> bool:
+    """Return whether no beam ends where the car's width leads straight from the rear axle to a place [m]."""
+    distance, reach = math.hypot(ahead, left), 0.5 * car.width + _CLEAR
+    for beam in range(len(ranges)):
+        bearing = geometry.angle_min + geometry.angle_increment * beam
+        x, y = car.lidar_offset + ranges[beam] * math.cos(bearing), ranges[beam] * math.sin(bearing)
+        if 0.0 < x * ahead + y * left < distance * distance and abs(x * left - y * ahead) < reach * distance:
+            return False
+    return True
 
 
 @kernel
