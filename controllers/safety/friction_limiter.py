@@ -229,7 +229,7 @@ def limited(
     """
     car, now = limiter.car, abs(speed_now)
     target, allowed = held_on_circle(limiter, steering_angle, speed, now, least_lateral_use)
-    if limiter.slip.needs_slip_angle and not planned:
+    if limiter.slip.needs_slip_angle:
         target = _held_on_path(limiter, memory.curvature, target, angle_now, now)
     slope = math.tan(angle_now)
     step = _steering_rate(limiter, slope, now, target - angle_now) * limiter.settings.steering_response
@@ -343,9 +343,9 @@ def _approach(
     else:
         most, exponent = limiter.accelerating, limiter.exponent
     used /= grip
+    if limiter.slip.needs_slip_angle:
+        used = max(used, abs(speed_now * speed_now * memory.curvature) / grip)
     if not planned:
-        if limiter.slip.needs_slip_angle:
-            used = max(used, abs(speed_now * speed_now * memory.curvature) / grip)
         estimate = most * max(1.0 - used, 0.0)
         if abs(reference) < abs(estimate):
             estimate = reference

@@ -36,7 +36,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
-from ..control.slip import late_on_path, lock_arc
+from ..control.slip import fastest_on, late_on_path, lock_arc
 from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_point, steer_along
 from ..perception.cell_marks import AT_WALL, NEAR_WALL
@@ -406,12 +406,16 @@ def motion_ahead(memory: Record) -> FloatArray:
 def _speed_on(memory: Record, motion: Record, first: int, limiter: Record, settings: Record, speed: float) -> float:
     """Return the speed [m/s] from which the car slows in time for a motion's curves, and stops at its end."""
     lateral, braking = settings.profile_grip * limiter.lateral, settings.profile_braking * limiter.braking
-    square, along = math.inf, 0.0
+    square, along, tightest = math.inf, 0.0, 0.0
     x, y = memory.frontier.map.x, memory.frontier.map.y
     for k in range(first, motion.count):
         curvature = abs(motion.points[k, CURVATURE])
         if curvature > 0.0:
-            square = min(square, lateral / curvature + 2.0 * braking * max(along - 0.15 * speed, 0.0))
+            there = lateral / curvature
+            if limiter.slip.needs_slip_angle and curvature > tightest:
+                there = min(there, fastest_on(limiter.slip, math.atan(curvature * limiter.car.wheelbase)) ** 2)
+                tightest = curvature
+            square = min(square, there + 2.0 * braking * max(along - 0.15 * speed, 0.0))
         along += math.hypot(motion.points[k, X] - x, motion.points[k, Y] - y)
         x, y = motion.points[k, X], motion.points[k, Y]
     square = min(square, 2.0 * settings.stop_braking * limiter.braking * (along + 0.3))

@@ -543,12 +543,12 @@ def _can_stop(
     view = reading_towards(widened, angle_min, angle_increment, math.cos(along), math.sin(along))
     for goal in ((bearing, distance), (math.atan2(y, x), math.hypot(x, y)), (along, max(view, _ARRIVED))):
         for use in (1.0, 0.5):
-            last = memory.acceleration
+            last = memory.acceleration, memory.curvature
             left = speed_at_contact(
                 limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, first, angle, speed,
                 period, np.empty((0, 4)), rows[:0], radius, ground,
             )  # fmt: skip
-            memory.acceleration = last
+            memory.acceleration, memory.curvature = last
             if left == 0.0:
                 return True
     return False

@@ -136,7 +136,8 @@ def safe_steering(
       radius: of the disc that covers the car's front [m].
       ground: of type FRONTIER_SEARCH, see `speed_at_contact`.
     """
-    car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
+    car, speed = limiter.car, max(speed_now, settings.crawl_speed)
+    pursuit = settings.pursuit_distance + path_lag(limiter.slip, speed)
     reference = bearing_of_arc(steering_angle, pursuit, car.lidar_offset, car.wheelbase)
     each_side = math.floor(settings.fan / settings.fan_step + 1e-6)
     views = np.empty(2 * each_side + 1)  # [m] by direction; even ones to the right of the reference, which is number 0
@@ -152,14 +153,14 @@ def safe_steering(
         margin = settings.margin if number == 0 and len(path) == 0 else settings.margin_aside
         if number == 0 and kept:
             margin *= settings.margin_kept
-        at_first = reference_speed if number == 0 else 0.0
+        at_first = reference_speed if number == 0 else min(reference_speed, settings.crawl_speed)
         for use in _LATERAL_USES:
-            last = memory.acceleration
+            last = memory.acceleration, memory.curvature
             left = speed_at_contact(
                 limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, at_first, angle_now,
                 speed, period, path if number == 0 else path[:0], predictions, radius, ground,
             )  # fmt: skip
-            memory.acceleration = last
+            memory.acceleration, memory.curvature = last
             if left == 0.0 and number == 0:
                 return steering_angle, use, True
             if left < least:
@@ -171,12 +172,12 @@ def safe_steering(
     if least > 0.0:  # steering takes from braking, and at the next scan another direction may be the best
         bearing = bearing_of_arc(angle_now, pursuit, car.lidar_offset, car.wheelbase)
         goal = (bearing, max(reading(widened, angle_min, angle_increment, bearing), settings.pursuit_distance))
-        last = memory.acceleration
+        last = memory.acceleration, memory.curvature
         left = speed_at_contact(
-            limiter, memory, settings, widened, angle_min, angle_increment, goal, best_use, settings.margin_aside, 0.0,
-            angle_now, speed, period, path[:0], predictions, radius, ground,
+            limiter, memory, settings, widened, angle_min, angle_increment, goal, best_use, settings.margin_aside,
+            min(reference_speed, settings.crawl_speed), angle_now, speed, period, path[:0], predictions, radius, ground,
         )  # fmt: skip
-        memory.acceleration = last
+        memory.acceleration, memory.curvature = last
         if left <= least:
             return held_arc(limiter.slip, car, angle_now, memory.curvature), best_use, left == 0.0
     return pursue(best, pursuit, car.lidar_offset, car.wheelbase), best_use, least == 0.0
@@ -212,18 +213,19 @@ def least_cornering(
       margin: ahead of the bumper [m].
       most: greatest share that is tried.
     """
-    speed, pursuit = max(speed_now, settings.crawl_speed), settings.pursuit_distance
+    speed = max(speed_now, settings.crawl_speed)
+    pursuit = settings.pursuit_distance + path_lag(limiter.slip, speed)
     bearing = bearing_of_arc(steering_angle, pursuit, limiter.car.lidar_offset, limiter.car.wheelbase)
     goal = (bearing, max(reading(widened, angle_min, angle_increment, bearing), settings.nearest_goal))
     for use in _USES_WHEN_BRAKING:
         if use > most:
             break
-        last = memory.acceleration
+        last = memory.acceleration, memory.curvature
         left = speed_at_contact(
             limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, 0.0, angle_now, speed,
             period, path, predictions[:0], radius, ground,
         )  # fmt: skip
-        memory.acceleration = last
+        memory.acceleration, memory.curvature = last
         if left == 0.0:
             return float(use)
     return -1.0
@@ -291,7 +293,7 @@ def speed_at_contact(
     slowed = share_of_way(period, car.speed_time_constant)
     slowed_twice = share_of_way(2.0 * period, car.speed_time_constant)
     x, y, heading = 0.0, 0.0, 0.0  # of the rear axle
-    index, path_curvature, soft = 0, memory.curvature, limiter.slip.needs_slip_angle
+    index, soft = 0, limiter.slip.needs_slip_angle
     moving, time, apart = len(predictions) > 0, 0.0, radius + settings.margin_aside
     known = len(path) > 0
     for tick in range(_TICKS):
@@ -302,7 +304,7 @@ def speed_at_contact(
             late, path_late = late_by(car), late_on_path(limiter.slip, car, speed)
             reference = steer_along(path, index, x, y, heading, speed, car.wheelbase, late, path_late)
         elif distance > settings.arrived:
-            nearer = min(1.0, settings.pursuit_distance / distance)
+            nearer = min(1.0, (settings.pursuit_distance + path_lag(limiter.slip, speed)) / distance)
             reference = arc_through(lidar + nearer * goal_ahead, nearer * goal_left, car.wheelbase)
         reference_speed = at_first if tick == 0 else 0.0
         command = limited(
@@ -314,8 +316,8 @@ def speed_at_contact(
         curvature = math.tan(0.5 * (angle + next_angle)) / car.wheelbase
         if soft:
             follow = 1.0 - math.exp(-way / path_lag(limiter.slip, 0.5 * (speed + next_speed)))
-            path_curvature += (curvature - path_curvature) * follow
-            curvature = path_curvature
+            memory.curvature += (curvature - memory.curvature) * follow
+            curvature = memory.curvature
         x += way * math.cos(heading + 0.5 * curvature * way)
         y += way * math.sin(heading + 0.5 * curvature * way)
         heading += curvature * way
