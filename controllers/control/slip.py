@@ -288,8 +288,8 @@ def lock_arc(slip: Record, car: Record) -> float:
 
 
 @kernel
-def fastest_on(slip: Record, angle: float) -> float:
-    """Return the greatest speed [m/s] at which lock and critical speed leave the arc of `angle` [rad]."""
+def fastest_on(slip: Record, angle: float, least: float) -> float:
+    """Return the greatest speed [m/s] at which lock and critical speed leave the arc of `angle` [rad], or `least`."""
     size = abs(angle)
     for at in range(_SPEEDS - 1, 0, -1):
         before, here = slip.tightest[at - 1], slip.tightest[at]
@@ -297,8 +297,8 @@ def fastest_on(slip: Record, angle: float) -> float:
             if here >= size:
                 return math.inf if at == _SPEEDS - 1 else float(slip.top_speed * at / (_SPEEDS - 1))
             speed = slip.top_speed * (at - 1 + (before - size) / (before - here)) / (_SPEEDS - 1)
-            return float(max(speed, slip.least_speed))
-    return float(slip.least_speed)
+            return float(max(speed, least))
+    return float(least)
 
 
 @kernel

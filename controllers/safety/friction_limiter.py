@@ -259,7 +259,8 @@ def held_on_circle(
     limit = _steering_limit(limiter, allowed, speed, now, least_lateral_use)
     if limiter.slip.needs_slip_angle:
         if not speed <= 0.0:
-            allowed = min(allowed, fastest_on(limiter.slip, saturate(steering_angle, car.max_steering_angle)))
+            angle, least = saturate(steering_angle, car.max_steering_angle), limiter.slip.least_speed
+            allowed = min(allowed, fastest_on(limiter.slip, angle, least))
         limit = min(limit, tightest_arc(limiter.slip, now))
     return saturate(steering_angle, limit), allowed
 

@@ -413,7 +413,8 @@ def _speed_on(memory: Record, motion: Record, first: int, limiter: Record, setti
         if curvature > 0.0:
             there = lateral / curvature
             if limiter.slip.needs_slip_angle and curvature > tightest:
-                there = min(there, fastest_on(limiter.slip, math.atan(curvature * limiter.car.wheelbase)) ** 2)
+                arc = math.atan(curvature * limiter.car.wheelbase)
+                there = min(there, fastest_on(limiter.slip, arc, settings.narrow_speed) ** 2)
                 tightest = curvature
             square = min(square, there + 2.0 * braking * max(along - 0.15 * speed, 0.0))
         along += math.hypot(motion.points[k, X] - x, motion.points[k, Y] - y)

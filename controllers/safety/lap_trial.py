@@ -10,8 +10,9 @@ clear of all that the first lap saw.
 
 Source: the single-track model with relaxation of H. Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1 and 7.
 
-Limits: the two wheels of an axle have one load, and the LiDAR is not late. Of 60 lines that were followed whatever the
-trial said, on nine sets of tires, it refused all 19 that ended in a crash or a turn, and 13 of the 41 others.
+Limits: the two wheels of an axle have one load, the axles share drive and brakes alike, as without a shaft, and the
+LiDAR is not late. Of 60 lines that cars without a shaft followed whatever the trial said, on nine sets of tires, it
+refused all 19 that ended in a crash or a turn, and 13 of the 41 others.
 """
 
 from __future__ import annotations

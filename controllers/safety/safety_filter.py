@@ -25,7 +25,9 @@ the reference is therefore rarely changed.
 What moves is not in this scan, but compared with the simulated car at each time (predictions). Near it the car drives
 by a plan in time instead.
 
-Limits: the simulated car does not slip. What the scan does not show counts as free.
+Where tires need slip angles, the path of the simulated car follows its wheels late, and uses the grip as the path does.
+
+Limits: braking does not turn the simulated car in. What the scan does not show counts as free.
 """
 
 from __future__ import annotations
