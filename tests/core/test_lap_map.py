@@ -191,15 +191,21 @@ def test_a_line_that_is_about_as_sharp_as_full_lock_for_long_is_not_followed():
 
 
 def test_on_soft_tires_a_line_is_followed_only_where_the_planners_own_simulated_lap_holds():
-    """The car crashed on its line in lap 2 on both: linear tires of 5 /rad, and bristles of 12 /rad."""
+    """On linear tires of 5 /rad the car crashed on its line in lap 2; on bristles of 12 /rad the line holds."""
     lateral = Coulomb(D=1.0489, stiffness=12.0)
     axle = AxleTires(lateral=lateral, longitudinal=lateral, relaxation_length=0.045)
     bristles = Tires(model="coulomb", front=axle, rear=axle)
-    for track, tires in (("tight", "f1tenth_gym"), ("l_corridor", bristles)):
+    for track, tires, holds in (("tight", "f1tenth_gym", False), ("l_corridor", bristles, True)):
         car = fg.race(track, laps=3, tires=tires).car
-        assert car.finished and car.lap_times_s[2] > 0.9 * car.lap_times_s[0]
+        assert car.finished and (car.lap_times_s[2] < 0.85 * car.lap_times_s[0]) == holds
     car = fg.race("l_corridor", laps=3, tires="forzaeth_nuc6").car
     assert car.finished and car.lap_times_s[2] < 0.85 * car.lap_times_s[0]
+
+
+@each(("track", "tires"), [("boxes", "f1tenth_gym"), ("l_corridor", "f1tenth_gym"), ("l_corridor", "forzaeth_nuc2")])
+def test_on_soft_tires_a_car_that_stops_does_so_where_it_planned_to(track, tires):
+    """It touched walls within 3 laps: its stops swung about their direction, and were given up for others."""
+    assert fg.race(track, "disparity_extender", laps=3, tires=tires, mu=1.0489).car.finished
 
 
 @each("tires", ["f1tenth_gym", "forzaeth_nuc6", "ipz"])
