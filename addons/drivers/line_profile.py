@@ -154,7 +154,7 @@ def limit_speeds(
             corner = math.sqrt(cornering_use * limiter.lateral / abs(bend[point]))
             if limiter.slip.needs_slip_angle:
                 arc = math.atan(limiter.car.wheelbase * abs(bend[point]) / cornering_use)
-                corner = min(corner, fastest_on(limiter.slip, arc))
+                corner = min(corner, fastest_on(limiter.slip, arc, limiter.slip.least_speed))
             table[point, SPEED] = min(table[point, SPEED], corner)
     if not closed:
         table[-1, SPEED] = 0.0
