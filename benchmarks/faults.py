@@ -224,10 +224,10 @@ FAULTS = {
         new="unused = max(limiter.lateral + math.copysign(cornering, turn * cornering), 0.0)",
         tests="test_friction_limiter.py test_mission.py",
     ),
-    "braking in a corner by a share that knows no friction": Fault(
-        file="controllers/safety/friction_limiter.py",
-        old="return max(p * _exponent_by_load(moved * mu / _FOUND_AT) / _exponent_by_load(moved), _STEADY_EXPONENT)",
-        new="return p",
+    "braking with a shaft as if the axles' slip were not one": Fault(
+        file="controllers/control/slip.py",
+        old="    ratio = min(ratios)",
+        new="    ratio = max(ratios)",
         tests="test_friction_limiter.py",
     ),
     "an evading car that turns in as if braking moved no load": Fault(

@@ -422,11 +422,14 @@ class CarParameters:
     shaft: bool = False  # whether both axles turn alike; else they have the same torque
     front_lock: float = 0.0  # [-] the greatest difference of its wheels' forces over their sum: 0 open, 1 locked
     rear_lock: float = 0.0
+    rolling_resistance: float = 0.0  # [m/s^2] by which a car slows that rolls: by tires, drag brake, friction of gears
+    rolling_damping: float = 0.0  # [1/s] by which more, over its speed; only what slows the wheels, not the air
 
     def __post_init__(self) -> None:
         require(self, math.isfinite, "a finite number", ("min_speed",), MessageError)
         of_tires = tuple(f"{axle}_{name}" for axle in ("front", "rear") for name in _OF_TIRES)
-        from_zero, flags = ("relaxation_length", "command_delay"), ("drives_front", "drives_rear", "shaft")
+        from_zero = ("relaxation_length", "command_delay", "rolling_resistance", "rolling_damping")
+        flags = ("drives_front", "drives_rear", "shaft")
         locks = ("front_lock", "rear_lock")
         others = ("min_speed", *from_zero, *of_tires, *flags, *locks)
         positive = tuple(f.name for f in fields(self) if f.name not in others)

@@ -82,9 +82,10 @@ def limited_grip(limiter: FrictionLimiter, max_speed: float, cornering_use: floa
     """Return shares of what a friction limiter allows, up to a speed [m/s], as a grip; arguments as of `line_table`."""
     car, lateral = limiter.car, cornering_use * limiter.lateral
     used = np.linspace(0.0, lateral, _ENTRIES) / (limiter.mu * car.gravity)
-    left = braking_use * np.array([longitudinal_share(use, limiter.exponent) for use in used.tolist()])
+    shares = [[longitudinal_share(limiter.record[0], use, way) for use in used.tolist()] for way in (False, True)]
+    accelerating, braking = braking_use * np.array(shares)
     return Grip(
-        lateral=lateral, accelerating=limiter.accelerating * left, braking=limiter.braking * left,
+        lateral=lateral, accelerating=limiter.accelerating * accelerating, braking=limiter.braking * braking,
         power=car.max_acceleration * car.power_limit_speed, max_speed=max_speed,
     )  # fmt: skip
 

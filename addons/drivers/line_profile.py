@@ -166,7 +166,7 @@ def limit_speeds(
             near = (point + direction) % count
             if direction < 0 or point > 0 or closed:
                 known = table[point, SPEED]
-                share = longitudinal_share(known * known * abs(bend[point]) / grip, limiter.exponent)
+                share = longitudinal_share(limiter, known * known * abs(bend[point]) / grip, direction < 0)
                 reached = math.sqrt(known * known + 2.0 * most * share * step)
                 table[near, SPEED] = min(table[near, SPEED], reached)
             point = near

@@ -209,6 +209,16 @@ def driving_held(slip: Record, car: Record, angle: float, lateral: float, revers
     return float((front + rear) / (1.0 + moved if reverse else 1.0 - moved))
 
 
+def at_least_peak(slip: np.void) -> tuple[float, float]:
+    """Return the forces over load of front and rear axle at one slip ratio, the least that a peak of them has."""
+    ratios = (
+        axle["D"] / axle["B"] if axle["C"] == 0.0 else math.tan(0.5 * math.pi / axle["C"]) / axle["B"]
+        for axle in (slip["front"], slip["rear"])
+    )
+    ratio = min(ratios)
+    return float(_axle_force(slip["front"], ratio)), float(_axle_force(slip["rear"], ratio))
+
+
 @kernel
 def _axle_force(axle: Record, angle: float) -> float:
     """Return the force of an axle over its load at a slip angle [rad], or at a slip ratio: `slip_angle` read back."""
@@ -365,16 +375,18 @@ def velocity_angle(slip: Record, car: Record, speed: float, yaw_rate: float) -> 
 def ground_speed(slip: Record, car: Record, wheels: float, steering_angle: float, command: float) -> float:
     """Return how fast a car moves [m/s] whose wheels, by a command of `command` [m/s], roll at `wheels` [m/s].
 
-    The motor's servo pulls with a = (command - wheels) / its time constant. For this the wheels are faster than the
-    ground by a slip ratio s, or slower: v = wheels / (1 + s). A car that brakes by half of its grip on tires of 5 /rad
-    is faster by a tenth than its wheels tell. Tires are taken to be as stiff along as they are across. A shaft that is
+    The motor's servo pulls with a = (command - wheels) / its time constant, less what rolling takes. For this the
+    wheels are faster than the ground by a slip ratio s, or slower: v = wheels / (1 + s). A car that brakes by half of
+    its grip on tires of 5 /rad is faster by a tenth than its wheels tell. Tires are taken to be as stiff along as they
+    are across. A shaft that is
     wound up by the steering angle [rad] makes the rear wheels faster, see `_wound_up`.
     """
     if slip.wound_up > 0.0:
         wheels /= 1.0 + (1.0 - slip.wound_up) * (1.0 - math.cos(steering_angle))
     if not (wheels > _SLOW and command > 0.0):
         return wheels
-    pull = saturate((command - wheels) / car.speed_time_constant, car.max_acceleration) / car.gravity
+    pull = saturate((command - wheels) / car.speed_time_constant, car.max_acceleration)
+    pull = (pull - car.rolling_resistance - car.rolling_damping * wheels) / car.gravity
     ratio = 0.5 * (slip_angle(slip.front, abs(pull)) + slip_angle(slip.rear, abs(pull)))
     return wheels / (1.0 + math.copysign(min(ratio, _MOST_RATIO), pull))
 

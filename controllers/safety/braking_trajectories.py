@@ -251,7 +251,7 @@ def _stop(limiter: Record, settings: Record, speed: float, present: float, turni
                 lag += path_lag(limiter.slip, speed)
             curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / lag))
             used = min(abs(curvature) * speed**2 / limiter.lateral, 0.999)  # below 1, or it never stops
-            held = braking * longitudinal_share(used, limiter.exponent)
+            held = braking * longitudinal_share(limiter, used, True)
             if limiter.slip.needs_slip_angle:
                 held = min(held, stable_share(limiter, 1.0, used, speed) * limiter.braking)
             speed = max(speed - held * _STEP, 0.0)

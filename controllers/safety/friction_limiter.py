@@ -9,31 +9,37 @@ acceleration that the tires can hold:
    is the active one at a corner's entry. The steering then waits, and part of the grip is kept for braking.
 3. Steering rate: to change the car's yaw rate the front tires carry m lr / b (v^2 k + c v dk/dt), with
    c = (Izz + m lr^2) / (m lr), about .245 m. Turning the wheels may use a share of what v^2 k leaves.
-4. Braking and accelerating: open differentials give every wheel the same torque. Load moves off the rear axle in
-   braking and off the front axle in accelerating, so straight ahead the lighter axle slides first, at
-   g (l / b) / (h / b + 1 / (2 mu)), with l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
-   slides first: at a share u of the lateral grip a share (1 - u)^p of the straight-line limit is left. For the F1TENTH
-   car p = .7 is enough on steady circles, at mu .6 and 1.0489, and p = .9 is used, because turning in and braking
-   at once is not a steady circle. `cornering_exponent` scales p for cars that move more load to the outer wheels.
-   On a slippery floor no car corners so hard, less load moves, and the car brakes by a smaller p, `braking_exponent`.
-   Stops and motions are planned with p all the same: what they leave is a reserve. In accelerating p stays, too: a
-   car that turns in just after it accelerated still has the light front axle of that acceleration.
+4. Braking and accelerating: a shaft gives both axles one slip ratio. The one whose peak lies at the least slip passes
+   it first; the other one then has only what its curve gives at this slip. With the forces over load f of the front
+   axle and r of the rear one, straight ahead the car brakes with g (lr f + lf r) / (b - h (f - r)) and accelerates with
+   + h, mu g of stiff tires. Where an axle has a fixed share p of the force, 1/2 of an open centre and 1 of the only
+   one that is driven, it slides at mu g l / (p b + mu h) if load moves off it and at mu g l / (p b - mu h) if load
+   moves onto it, with mu its peak and l = lf of the rear axle and lr of the front axle. In a corner that takes a share
+   u of mu g, an inner wheel carries the share 1 - 2 (h / w) mu u of its load, w the track width, and the outer wheel of
+   an open axle pulls no more than the inner one; a limited axle has 1 / (1 - ramp) times that, at most what both hold.
+   An axle's own cornering leaves sqrt(1 - u^2) of its grip. In both, u is over the axle's load as a share of that at
+   rest: braking takes load off the rear axle, which has to hold its part of the corner and of the roll all the same. Of
+   soft tires on a shaft the axle that is nearest to its peak counts.
+   A shaft makes both axles roll alike, though the front wheels' way is 1 / cos d of the rear ones': at .4 rad the tires
+   slip by 4 % of the speed. Tires whose peak is at a smaller slip, as that of the ideal ones, slide then.
+   What slows the wheels by itself, friction of gears and of rolling, brakes by the tires, too: that much less is left.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
-   In a corner braking grows slower by the share that is left, down to .7 of that: where a car ends to turn in and
-   brakes harder at once, the light inner rear wheel slides first. For the same reason the use of the front tires in
-   the last tick counts, too, in accelerating and as 6.
+   With a shaft what one axle loses the other one gains, but a wheel swings on its tire, and a step of the force would
+   overshoot. In a corner braking grows slower by the share that is left, down to .7 of that: where a car ends to turn
+   in and brakes harder at once, the light inner rear wheel slides first. For the same reason the use of the front tires
+   in the last tick counts, too, in accelerating and as 6.
 6. Sideways pull of steered wheels: a car that speeds up or brakes by x with its wheels turned yaws faster or slower by
    x k. The front tires' pull by sin(d) gives most of the lateral force of that, but it moves load to one side as a
    lateral acceleration lr x k does. This counts where k is great and v^2 k is not: at full lock from standing. It is
    added to the v^2 k + c v dk/dt of 3, and the share that it leaves is that of steady circles. From .6 m/s on the
    car brakes without it, as its stops are planned.
-7. Lifting wheels: a car that corners with more than `lifting_share` of g lifts the inner rear wheel, and open
-   differentials then give no wheel any torque. So in 1, 2, 3, 5 and 6, mu is the least of the friction and that share
-   at full lock.
+7. Lifting wheels: a car that corners with more than `lifting_share` of g lifts the inner rear wheel. Its axle, if open,
+   then pulls nothing; the other one of a shaft still does, until its inner wheel lifts a little later, and the car
+   rolls over. So in 1 to 6, mu of cornering is the least of the friction and that share at full lock.
 
 Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid single-
-track car, and moments about its axles; 7 is those of a car with two tracks. The exponent is a fit;
-tests/core/test_friction_limiter.py compares it with the simulated car.
+track car, and moments about its axles and wheels; 7 is those of a car with two tracks. The test of this module compares
+them with a car of four wheels and with the simulated car.
 """
 
 from __future__ import annotations
@@ -45,7 +51,7 @@ import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import CarParameters, DriveCommand, Odometry, require
+from fg_mujoco.messages import CarParameters, DriveCommand, FloatArray, Odometry, require
 
 from ..control.planner_settings import (
     CAR,
@@ -59,18 +65,18 @@ from ..control.planner_settings import (
     setting,
     setting_of_car,
 )
-from ..control.slip import SLIP, driving_held, fastest_on, slip_row, stable_braking, tightest_arc
+from ..control.slip import SLIP, at_least_peak, driving_held, fastest_on, slip_row, stable_braking, tightest_arc
 from ..control.speed import friction_speed, friction_steering, lifting_share, share_of_way
 from ..control.steering import saturate
 
-_CORNERING_EXPONENT = 0.9  # of the F1TENTH car, see 4 above
 _SLOWEST_GROWTH = 0.7  # [-] of braking, see 5 above: slower, and stops get longer than the car sees
-_STEADY_EXPONENT = 0.7  # the same on steady circles
 _SLOW = 0.6  # [m/s] a faster car brakes as its stops are planned
 _LEAST_STABLE = 0.2  # share of braking, whatever the critical speed: a car that does not brake is no slower
-_FOUND_AT = 1.0489  # friction coefficient at which 0.9 and the shares for evading were found
+_FOUND_AT = 1.0489  # friction coefficient at which the shares for evading were found
 _LOAD_KEPT = 0.476  # least share that the inner rear wheel of the cars for which they were found keeps, see `evasive`
-_LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
+_MOST_MOVED = 0.95  # [-] of the load of an inner wheel
+_MOST_HELD = 4.0  # [-] acceleration over g that is looked at
+_SHARES = 257  # of a table over what cornering leaves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,14 +91,13 @@ class FrictionLimiterSettings(Settings):
     lateral_use_in_braking: float = setting(
         0.9, "", "share of lateral_use while the car is too fast for the reference steering angle", SHARE
     )
-    least_lateral_use: float = setting(
-        0.5, "", "share of lateral_use while the car is too fast by `overspeed`", SHARE
-    )
+    least_lateral_use: float = setting(0.5, "", "share of lateral_use while the car is too fast by `overspeed`", SHARE)
     overspeed: float = setting_of_car(0.7, "m/s", "see least_lateral_use", POSITIVE)
     turn_in_use: float = setting(0.5, "", "share of what cornering leaves, for turning the wheels in or out", SHARE)
     most_left: float = setting(
         2.0, "", "what cornering leaves counts as at most this share of mu g; 2 is all that there can be", POSITIVE
     )
+    # a servo begins a tick with 1.13 times the mean of its force: no more than 1 / 1.13 of a limit may be asked for
     braking_use: float = setting(0.865, "", "share of the greatest braking that locks no axle", SHARE)
     accelerating_use: float = setting(0.865, "", "share of the greatest accelerating that spins no wheel", SHARE)
     load_transfer_time: float = setting(
@@ -115,8 +120,7 @@ LIMITER = np.dtype(
         ("braking", np.float64),  # [m/s^2]
         ("accelerating", np.float64),  # [m/s^2]
         ("yaw_lag", np.float64),  # [m]
-        ("exponent", np.float64),
-        ("braking_exponent", np.float64),
+        ("shares", np.float64, (2, _SHARES)),  # of braking, accelerating: see `longitudinal_share`
         ("slip", SLIP),  # angles that the tires need
     ]
 )
@@ -132,34 +136,28 @@ LIMITER_MEMORY = np.dtype(
 """Type of what a limiter keeps from one tick to the next; zero at the beginning."""
 
 
-def cornering_exponent(car: CarParameters) -> float:
-    """Return the exponent p of the share (1 - u)^p of braking that cornering with a share u of the grip leaves.
-
-    It is the F1TENTH car's for cars that move as much load to the outer wheels, or less. For others it grows as half
-    of the grip in cornering demands of the inner wheel: (1 - 1/2)^p = sqrt(1 - 1/4) (1 - h / w), h the height of the
-    centre of gravity and w the track width.
-    """
-
-    moved = car.center_of_gravity_height / car.track_width
-    scaled = _CORNERING_EXPONENT * _exponent_by_load(moved) / _exponent_by_load(_LOAD_MOVED)
-    return max(_CORNERING_EXPONENT, scaled)
-
-
-def braking_exponent(car: CarParameters, mu: float) -> float:
-    """Return the exponent p of braking on a floor of friction `mu`: `cornering_exponent` at 1.0489, and less below.
-
-    The load that cornering with half of the grip moves is proportional to mu, and p follows it by the same equation,
-    down to what steady circles leave. On floors of more friction p is not raised.
-    """
-    p, moved = cornering_exponent(car), car.center_of_gravity_height / car.track_width
-    if mu >= _FOUND_AT:
-        return p
-    return max(p * _exponent_by_load(moved * mu / _FOUND_AT) / _exponent_by_load(moved), _STEADY_EXPONENT)
-
-
-def _exponent_by_load(moved: float) -> float:
-    """Return the exponent that half of the grip in cornering demands of an inner wheel which lost the share `moved`."""
-    return math.log2(2.0 / (math.sqrt(3.0) * (1.0 - min(moved, 0.95))))
+def _held(car: CarParameters, mu: float, moved: float, slip: np.void, braking: bool) -> FloatArray:
+    """Return what 4 leaves [m/s^2], shape (_SHARES,): at the shares 1 - t^2 of the lateral grip, t from 0 to 1."""
+    uses, soft, sign = 1.0 - np.linspace(0.0, 1.0, _SHARES) ** 2, bool(slip["needs_slip_angle"]), 1 if braking else -1
+    peaks = np.array([[slip["front"]["D"]], [slip["rear"]["D"]]]) if soft else np.full((2, 1), mu)
+    forces = np.array(at_least_peak(slip))[:, np.newaxis] if soft and car.shaft else peaks
+    levers = np.array([[car.rear_axle_distance], [car.front_axle_distance]]) / car.wheelbase  # the loads at rest
+    pitch = sign * np.array([[1.0], [-1.0]]) * car.center_of_gravity_height / car.wheelbase
+    locks = np.array([[car.front_lock], [car.rear_lock]])
+    driven = np.array([car.drives_front, car.drives_rear])
+    low, high = np.zeros(_SHARES), np.full(_SHARES, _MOST_HELD)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        loads = np.maximum(levers + pitch * middle, 1e-9)
+        used = uses * levers / loads
+        inner = np.minimum(np.maximum(1.0 - moved * used, 0.0) / np.maximum(1.0 - locks, 1e-9), 1.0)
+        kept = inner * np.sqrt(1.0 - np.minimum(used * mu / peaks, 1.0) ** 2)
+        if car.shaft:
+            held = (forces * loads * (kept.min(axis=0) if soft else kept)).sum(axis=0)
+        else:
+            held = driven.sum() * (peaks * loads * kept)[driven].min(axis=0)
+        low, high = np.where(middle <= held, middle, low), np.where(middle <= held, high, middle)
+    return low * car.gravity
 
 
 def evasive(settings: FrictionLimiterSettings, car: CarParameters, mu: float) -> FrictionLimiterSettings:
@@ -185,12 +183,14 @@ def _inner_rear_load(settings: FrictionLimiterSettings, car: CarParameters, mu: 
 
 
 @kernel
-def longitudinal_share(lateral_use: float, exponent: float) -> float:
-    """Return the share of straight-line braking and accelerating that is left at a share of the lateral grip.
+def longitudinal_share(limiter: Record, lateral_use: float, braking: bool) -> float:
+    """Return the share of straight-line braking or accelerating that is left at a share of the lateral grip, see 4.
 
-    It is 1 straight ahead and 0 at the limit. `exponent` is that of the car, see 4 above.
+    It is 1 straight ahead and 0 at the limit. `limiter` is of type LIMITER.
     """
-    return float((1.0 - min(max(lateral_use, 0.0), 1.0)) ** exponent)
+    position = math.sqrt(1.0 - min(max(lateral_use, 0.0), 1.0)) * (_SHARES - 1)
+    at, shares = min(int(position), _SHARES - 2), limiter.shares[0] if braking else limiter.shares[1]
+    return float(shares[at] + (position - at) * (shares[at + 1] - shares[at]))
 
 
 @kernel
@@ -330,19 +330,18 @@ def _approach(
     """
     car, settings = limiter.car, limiter.settings
     growth, grip = period / settings.load_transfer_time, limiter.mu * car.gravity
-    reference = missing_speed / settings.speed_response
+    reference, braking = missing_speed / settings.speed_response, missing_speed < 0.0
     cornering = speed_now * speed_now * slope / car.wheelbase
     turning = speed_now * (next_slope - slope) / car.wheelbase / settings.steering_response  # [1/s^2] v dk/dt
     front = cornering + limiter.yaw_lag * turning  # turning in takes more of the front tires
     used = max(abs(cornering), abs(speed_now * speed_now * next_slope / car.wheelbase), abs(front))
-    if reference < 0.0:
+    most = limiter.accelerating
+    if braking:
         # Turning out takes more of the rear tires: twice as much by the slides measured in braking, in which the rear
         # tires slide first. Accelerating loads them.
         rear_lag = car.yaw_inertia / (car.mass * car.front_axle_distance)
         used = max(used, abs(cornering - 2.0 * rear_lag * turning))
-        most, exponent = -limiter.braking, limiter.braking_exponent
-    else:
-        most, exponent = limiter.accelerating, limiter.exponent
+        most = -limiter.braking
     used /= grip
     if limiter.slip.needs_slip_angle:
         used = max(used, abs(speed_now * speed_now * memory.curvature) / grip)
@@ -351,22 +350,23 @@ def _approach(
         if abs(reference) < abs(estimate):
             estimate = reference
         moved = abs(front + car.rear_axle_distance * estimate * slope / car.wheelbase) / grip
-        steady = min(_STEADY_EXPONENT / _CORNERING_EXPONENT * limiter.exponent / exponent, 1.0)
         if reference * speed_now >= 0.0 or abs(speed_now) < _SLOW:
-            used = max(used, steady * moved, memory.lateral_use)
+            used = max(used, moved, memory.lateral_use)
         memory.lateral_use = moved
-    share = longitudinal_share(used, exponent)
+    share = longitudinal_share(limiter, used, braking)
     if limiter.slip.needs_slip_angle and reference * speed_now >= 0.0:
         reverse, use = reference < 0.0, settings.accelerating_use
         lateral = min(used, 1.0) * limiter.mu
         held = car.gravity * driving_held(limiter.slip, car, math.atan(slope), lateral, reverse, use)
         most = math.copysign(min(abs(most), held), most)
-    if reference < 0.0:
+    before = memory.acceleration
+    if braking:
         if limiter.slip.needs_slip_angle:
             share = stable_share(limiter, share, used, abs(speed_now))
-        grown = min(memory.acceleration, 0.0) + most * max(share, _SLOWEST_GROWTH) * growth
-        return float(max(reference, most * share, grown))
-    return float(min(reference, most * share, max(memory.acceleration, 0.0) + most * growth))
+        grown = min(before, 0.0) + most * max(share, _SLOWEST_GROWTH) * growth
+        rolls = 0.0 if speed_now <= 0.0 else car.rolling_resistance + car.rolling_damping * speed_now
+        return float(max(reference, min(most * share + rolls, 0.0), grown))
+    return float(min(reference, most * share, max(before, 0.0) + most * growth))
 
 
 class FrictionLimiter:
@@ -379,11 +379,9 @@ class FrictionLimiter:
 
     Attributes:
       lateral: acceleration that may be used in cornering [m/s^2], of `mu` or of 7.
-      braking: greatest deceleration straight ahead [m/s^2].
-      accelerating: greatest acceleration straight ahead [m/s^2].
+      braking: greatest deceleration straight ahead [m/s^2], of the tires or the motor.
+      accelerating: greatest acceleration straight ahead [m/s^2], likewise.
       yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
-      exponent: of the share of accelerating that cornering leaves, and of planned braking, see `cornering_exponent`.
-      braking_exponent: of the share of braking as it is commanded, see `braking_exponent`.
       record: the row that `limited` reads, shape (1,), of type LIMITER.
 
     Raises:
@@ -395,21 +393,21 @@ class FrictionLimiter:
         self.mu = mu
         self.settings = for_car(settings or FrictionLimiterSettings(), car)
         require(self, POSITIVE.holds, POSITIVE.text, ("mu",), SettingsError)
-        b, h = car.wheelbase, car.center_of_gravity_height
-        lever = car.gravity / (h / b + 0.5 / mu) / b
         held = min(mu, lifting_share(car, car.max_steering_angle))
         self.lateral = self.settings.lateral_use * held * car.gravity
-        self.braking = self.settings.braking_use * lever * car.front_axle_distance
-        self.accelerating = self.settings.accelerating_use * lever * car.rear_axle_distance
+        slip = slip_row(car, mu, self.lateral)
+        moved = min(2.0 * held * car.center_of_gravity_height / car.track_width, _MOST_MOVED)
+        left = np.array([_held(car, mu, moved, slip[0], braking) for braking in (True, False)])
+        braking, accelerating = left[:, -1].tolist()
+        self.braking = min(self.settings.braking_use * braking, car.max_acceleration)
+        self.accelerating = min(self.settings.accelerating_use * accelerating, car.max_acceleration)
         self.yaw_lag = car.rear_axle_distance + car.yaw_inertia / (car.mass * car.rear_axle_distance)
-        self.exponent = cornering_exponent(car)
-        self.braking_exponent = braking_exponent(car, held)
         self.record = np.zeros(1, LIMITER)
         self.record["settings"], self.record["car"] = record_values(self.settings), astuple(car)
-        self.record["mu"] = held
-        for name in ("lateral", "braking", "accelerating", "yaw_lag", "exponent", "braking_exponent"):
+        self.record["mu"], self.record["shares"] = held, left / left[:, -1:]
+        for name in ("lateral", "braking", "accelerating", "yaw_lag"):
             self.record[name] = getattr(self, name)
-        self.record["slip"] = slip_row(car, mu, self.lateral)
+        self.record["slip"] = slip
         self._memory = np.zeros(1, LIMITER_MEMORY)
 
     def reset(self) -> None:

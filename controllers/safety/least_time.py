@@ -67,8 +67,8 @@ def quicken(
     accelerating, braking = np.empty(_ENTRIES), np.empty(_ENTRIES)
     for k in range(_ENTRIES):
         used = lateral * k / (_ENTRIES - 1.0) / grip
-        accelerating[k] = limiter.accelerating * longitudinal_share(used, limiter.exponent)
-        braking[k] = braking_use * limiter.braking * longitudinal_share(used, limiter.braking_exponent)
+        accelerating[k] = limiter.accelerating * longitudinal_share(limiter, used, False)
+        braking[k] = braking_use * limiter.braking * longitudinal_share(limiter, used, True)
     power = car.max_acceleration * car.power_limit_speed
     lock = _LOCK_USE * math.tan(lock_arc(limiter.slip, car)) / car.wheelbase
     bends, to, on, mean = np.empty(n), np.empty(n), np.empty(n), np.empty(n)

@@ -113,7 +113,7 @@ def speed_on(points: FloatArray, position: float, spacing: float, limiter: Recor
         corner = limiter.lateral * points[k, RADIUS]
         if square < corner:
             used = square * demand / grip
-            share = longitudinal_share(used, limiter.braking_exponent)
+            share = longitudinal_share(limiter, used, True)
             if limiter.slip.needs_slip_angle:
                 share = stable_share(limiter, share, used, math.sqrt(square))
             square += 2.0 * braking * share * spacing

@@ -139,7 +139,7 @@ def search_motion(
     braking = np.empty(_SHARES)  # [m/s^2] by the share of the grip for turning
     for k in range(_SHARES):
         used = abs(k - middle) / middle
-        braking[k] = _BRAKING * limiter.braking * longitudinal_share(min(grip, 0.97) * used, limiter.exponent)
+        braking[k] = _BRAKING * limiter.braking * longitudinal_share(limiter, min(grip, 0.97) * used, True)
     arcs = np.full((_SHARES, len(_PARTS), 5), math.nan)  # of a car along x: key, see _arc; x, y, cosine and sine
     count, waiting, best, least = 1, 1, 0, whole
     after = np.empty(8)

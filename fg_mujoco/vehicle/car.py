@@ -80,7 +80,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     over_ground = float((origin - data.geom_xpos[ground]) @ axes[:, 2])
     wheels = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
     front_left, front_right, rear_left, _ = (data.xpos[wheels] - origin) @ axes
-    line = DriveLine.of(model, prefix)
+    line, tires, gravity = DriveLine.of(model, prefix), tires_of(model, prefix), -float(model.opt.gravity[2])
     wheel_radius = line.wheel_radius
     chassis = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}chassis")
     half_length, half_width = (float(half) for half in model.geom_size[chassis, :2])
@@ -118,7 +118,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         power_limit_speed=float(model.numeric_data[model.numeric_adr[power_limit]]),
         speed_time_constant=effective_mass / speed_gain + filtered,
         lidar_offset=float(model.site_pos[lidar_mount, 0]),
-        gravity=-float(model.opt.gravity[2]),
+        gravity=gravity,
         steering_time_constant=steering_time_constant,
         command_delay=command_delay(model, prefix),
         drives_front="front" in line.driven,
@@ -126,7 +126,9 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         shaft=line.shaft,
         front_lock=line.front.lock,
         rear_lock=line.rear.lock,
-        **tires_of(model, prefix).for_planners(),
+        rolling_resistance=(tires.rolling_resistance * mass * gravity + line.drag_brake) / effective_mass,
+        rolling_damping=float(model.dof_damping[dofs].sum()) / wheel_radius**2 / effective_mass,
+        **tires.for_planners(),
     )
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from cases import each
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
 from fg_mujoco.controllers.safety.braking_trajectories import BrakingSettings, BrakingTrajectories
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from scan_worlds import CAR, INCREMENT, MU, corridor
 
 TOP_SPEED = 8.0
@@ -117,8 +117,8 @@ def far_end(speed, present, turning):
         if time >= chosen.reaction:
             wanted = min(turning * LIMITER.lateral / max(speed, 0.1) ** 2, tightest)
             curvature += (wanted - curvature) * speed * step / LIMITER.yaw_lag
-            left = 1.0 - min(abs(curvature) * speed**2 / LIMITER.lateral, 0.999)
-            speed = max(speed - braking * left**LIMITER.exponent * step, 0.0)
+            used = min(abs(curvature) * speed**2 / LIMITER.lateral, 0.999)
+            speed = max(speed - braking * longitudinal_share(LIMITER.record[0], used, True) * step, 0.0)
         heading += curvature * speed * step
         place += speed * step * np.exp(1j * heading)
         time += step

@@ -4,11 +4,13 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import fg_mujoco as fg
 from car_worlds import flat_world, forward, step
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
@@ -16,17 +18,20 @@ from fg_mujoco.controllers.control.speed import friction_steering, lifting_share
 from fg_mujoco.controllers.safety.friction_limiter import (
     FrictionLimiter,
     FrictionLimiterSettings,
-    braking_exponent,
-    cornering_exponent,
     evasive,
+    longitudinal_share,
 )
 from fg_mujoco.controllers.safety.safety_filter import EVASIVE
+from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.race import race
+from fg_mujoco.vehicle.car import Car
+from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, slides_above
+from fg_mujoco.vehicle.tires import Tires
 from scan_worlds import CAR, MU, odometry_of
 
-TIRES = ("coulomb", "contact")  # the default, and MuJoCo's own contacts
+VEHICLE = fg.Vehicle.load()  # on its own tires: ideal ones slide in tight bends, because axles of a shaft roll alike
 PERIOD = 0.025  # [s] of the LiDAR
 GRAVITY, WHEELBASE, HEIGHT, FRONT, REAR, MASS, INERTIA = 9.81, 0.3302, 0.074, 0.15875, 0.17145, 3.74, 0.04712
 TRACK = 0.236  # [m] width
@@ -68,17 +73,126 @@ def drive_bicycle(limiter, references, speed=0.0, steering_angle=0.0, substeps=1
 # -- closed forms
 
 
-@each("mu", [0.6, MU])
-def test_straight_ahead_it_brakes_and_accelerates_with_what_the_lighter_axle_holds(mu):
-    # braking at x the rear axle carries m (g lf - x h) / b and a driven wheel m x / 4: two of them hold m x / 2 when
-    # m x / 2 = mu m (g lf - x h) / b, so x = g (lf / b) / (h / b + 1 / (2 mu)); accelerating, lr for lf
-    def greatest(length):
-        return GRAVITY * length / WHEELBASE / (HEIGHT / WHEELBASE + 1.0 / (2.0 * mu))
+DRIVES = {
+    "shaft": {}, "open centre": {"shaft": False}, "rear": {"shaft": False, "drives_front": False}, "locked": {
+    "front_lock": 1.0, "rear_lock": 1.0}, "front": {"shaft": False, "drives_rear": False}, "limited": {
+    "front_lock": 0.3, "rear_lock": 0.3},
+}  # fmt: skip
 
+
+def four_wheels(car, mu, use, braking, along):
+    """Whether four wheels hold an acceleration along at a share of mu g across: loads by moments, friction circles.
+
+    An axle's lateral force is by moments, too, that of a wheel in proportion to its load; both axles roll alike.
+    """
+    h, b, w, g = car.center_of_gravity_height, car.wheelbase, car.track_width, car.gravity
+    pitched, aside = (along if braking else -along) * h / b, use * mu * h / w
+    axles = []  # what each axle holds along, over the mass
+    for at_rest, moved, lock in (
+        (g * car.rear_axle_distance / b, pitched, car.front_lock),
+        (g * car.front_axle_distance / b, -pitched, car.rear_lock),
+    ):
+        load = max(at_rest + moved, 1e-9)
+        inner, outer = (
+            math.sqrt(max((mu * wheel) ** 2 - (use * mu * at_rest / load * wheel) ** 2, 0.0))
+            for wheel in (max(0.5 * load - at_rest * aside, 0.0), 0.5 * load + at_rest * aside)
+        )
+        axles.append(inner + min(outer, inner * (1.0 + lock) / (1.0 - lock) if lock < 1.0 else math.inf))
+    if car.shaft:
+        return along <= sum(axles)
+    driven = [held for held, drives in zip(axles, (car.drives_front, car.drives_rear), strict=True) if drives]
+    return along / len(driven) <= min(driven)
+
+
+def held_by_four_wheels(car, mu, use, direction):
+    """The greatest acceleration of `four_wheels` [m/s^2], by halving."""
+    low, high = 0.0, 20.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        held = four_wheels(car, mu, use, direction == "brake", middle)
+        low, high = (middle, high) if held else (low, middle)
+    return low
+
+
+@each("drive", DRIVES)
+@each("mu", [0.4, 0.8])
+def test_what_cornering_leaves_is_what_four_wheels_hold(drive, mu):
+    car = replace(CAR, max_acceleration=30.0, **DRIVES[drive])
+    limiter = FrictionLimiter(car, mu, EVERY_BIT)
+    for use in (0.0, 0.3, 0.6, 0.9, 0.99):
+        for most, direction in ((limiter.braking, "brake"), (limiter.accelerating, "accelerate")):
+            found = most * longitudinal_share(limiter.record[0], use, direction == "brake")
+            held = held_by_four_wheels(car, mu, use, direction)
+            assert found == pytest.approx(held, rel=5e-3, abs=1e-2), (use, direction)  # of a table
+
+
+@each("mu", [0.6, 0.9])
+def test_straight_ahead_it_brakes_and_accelerates_with_all_that_the_tires_hold(mu):
     limiter = FrictionLimiter(CAR, mu, EVERY_BIT)
-    assert settled(limiter, 0.0, 0.0, 6.0)[1] == pytest.approx(-greatest(FRONT), rel=1e-4)
+    assert settled(limiter, 0.0, 0.0, 6.0)[1] == pytest.approx(-mu * GRAVITY, rel=1e-4)
     limiter.reset()
-    assert settled(limiter, 0.0, 20.0, 1.0)[1] == pytest.approx(greatest(REAR), rel=1e-4)
+    assert settled(limiter, 0.0, 20.0, 1.0)[1] == pytest.approx(mu * GRAVITY, rel=1e-4)
+    assert FrictionLimiter(CAR, 1.5, EVERY_BIT).braking == CAR.max_acceleration  # the motor's
+
+
+SOFT, STIFF = (4.0, 0.33, 0.72), (21.0, 0.1, 0.8)  # cornering stiffness [1/rad], slip of the peak, peak
+
+
+def curve(stiffness, peak_slip, peak):
+    """D sin(C atan(B s)) with its peak where it is to be: C by search."""
+    shapes = np.linspace(1.0, 3.0, 2_000_001)[1:]
+    shape = shapes[np.argmin(np.abs(np.tan(0.5 * np.pi / shapes) * shapes * peak / stiffness - peak_slip))]
+    return lambda slip: peak * math.sin(shape * math.atan(stiffness / (shape * peak) * slip))
+
+
+@each("direction", ["brake", "accelerate"])
+@each("height", [0.02, HEIGHT, 0.12])
+@each("front, rear", [(SOFT, STIFF), (STIFF, SOFT)])
+def test_with_a_shaft_an_axle_has_what_its_curve_gives_at_the_slip_of_the_others_peak(front, rear, height, direction):
+    tires = {
+        f"{name}_{part}": value
+        for name, axle in (("front", front), ("rear", rear))
+        for part, value in zip(("cornering_stiffness", "peak_slip", "peak"), axle, strict=True)
+    }
+    car = replace(CAR, max_acceleration=30.0, shaft=True, center_of_gravity_height=height, **tires)
+    limiter = FrictionLimiter(car, 0.72, EVERY_BIT)
+    at_front, at_rear = (curve(*axle)(min(front[1], rear[1])) for axle in (front, rear))
+    along = 0.0  # [m/s^2] what both axles hold with the loads of this, until it is the same
+    for _ in range(100):
+        moved = along * height / WHEELBASE * (1.0 if direction == "brake" else -1.0)
+        along = at_front * (GRAVITY * REAR / WHEELBASE + moved) + at_rear * (GRAVITY * FRONT / WHEELBASE - moved)
+    assert (limiter.braking if direction == "brake" else limiter.accelerating) == pytest.approx(along, rel=1e-4)
+
+
+def test_what_slows_the_wheels_by_itself_brakes_by_the_tires_too():
+    car, most = replace(CAR, rolling_resistance=0.2, rolling_damping=0.25), FrictionLimiter(CAR, MU).braking
+    for speed in (1.0, 4.0):
+        _, acceleration = settled(FrictionLimiter(car, MU), 0.0, 0.0, speed)
+        assert acceleration == pytest.approx(-(most - 0.2 - 0.25 * speed), rel=1e-4)
+    ipz = fg.Vehicle.load("ipz").parameters
+    assert ipz.rolling_damping == pytest.approx(0.238, abs=0.01)  # [1/s] as identified
+
+
+def slide_of_stop(vehicle, speed, angle, believes=1.0):
+    """Slide [m/s] in a stop by the limiter, straight or out of a steady curve."""
+    ground = LabGround(vehicle=vehicle)
+    limiter = FrictionLimiter(vehicle.parameters, believes * vehicle.nominal_mu)
+    ground.place(speed)
+    if angle:
+        ground.run([DriveCommand(steering_angle=angle, speed=speed)] * 60)
+    trace = ground.drive(lambda odometry: limiter(angle, 0.0, odometry, PERIOD), 2.5)
+    assert trace.speed[-1] < 0.05
+    return np.nanmax(trace.slip.sliding_speed)
+
+
+@each("name", ["f1tenth", "ipz", "nuc2"])
+def test_no_tire_passes_its_peak_in_a_stop_by_the_limiter(name):
+    vehicle = fg.Vehicle.load(name)
+    for speed in (3.0, 5.0, 8.0):
+        assert slide_of_stop(vehicle, speed, 0.0) == 0.0, speed
+    for angle in (0.1, 0.2, 0.3):  # at half of the grip
+        speed = math.sqrt(0.5 * vehicle.nominal_mu * GRAVITY * vehicle.parameters.wheelbase / math.tan(angle))
+        assert slide_of_stop(vehicle, speed, angle) == 0.0, angle
 
 
 @each("speed", [2.0, 4.0, 7.0])
@@ -132,20 +246,13 @@ def inner_rear_load(mu):
     return inner_wheel / (0.5 * GRAVITY * FRONT / WHEELBASE)
 
 
-def test_on_a_slippery_floor_less_load_moves_and_more_is_left_for_braking_and_turning_at_once():
-    mus = (0.3, 0.5, 0.66, 0.8, 0.95, MU, 1.3)
-    for mu in mus:
-        exponent, turn_in = braking_exponent(CAR, mu), evasive(EVASIVE, CAR, mu).turn_in_use
-        if mu >= MU:  # where the shares were found, to the bit, and no less on more friction
-            assert (exponent, turn_in) == (cornering_exponent(CAR), EVASIVE.turn_in_use)
-            continue
-        assert turn_in == pytest.approx(EVASIVE.turn_in_use * inner_rear_load(mu) / inner_rear_load(MU))
-        # (1/2)^p is what half of the grip in cornering leaves of the inner wheel's force, to the power that p has at MU
-        left = math.sqrt(0.75) * (1.0 - HEIGHT / TRACK * mu / MU)
-        power = 0.9 / -math.log2(math.sqrt(0.75) * (1.0 - HEIGHT / TRACK))
-        assert exponent == pytest.approx(max(-power * math.log2(left), 0.7))
-    exponents = [braking_exponent(CAR, mu) for mu in mus]
-    assert exponents == sorted(exponents) and exponents[0] == 0.7  # as on steady circles
+def test_on_a_slippery_floor_less_load_moves_and_an_evading_car_turns_in_more():
+    for mu in (0.3, 0.5, 0.66, 0.8, 0.95, MU, 1.3):
+        turn_in = evasive(EVASIVE, CAR, mu).turn_in_use
+        if mu >= MU:  # where the share was found, to the bit, and no less on more friction
+            assert turn_in == EVASIVE.turn_in_use
+        else:
+            assert turn_in == pytest.approx(EVASIVE.turn_in_use * inner_rear_load(mu) / inner_rear_load(MU))
 
 
 def test_a_car_that_would_lift_a_wheel_corners_below_that_and_others_by_the_friction():
@@ -187,30 +294,14 @@ def test_whatever_is_asked_braking_and_accelerating_stay_within_what_cornering_l
     held = [(angle, asked) for angle, asked, ticks in references for _ in range(ticks)]
     for v, curvature, _, acceleration in drive_bicycle(FrictionLimiter(CAR, mu), held, speed):
         use = v * v * abs(curvature) / (mu * GRAVITY)
-        assert -measured_limit(mu, "brake", use) <= acceleration <= measured_limit(mu, "accelerate", use)
-
-
-# -- what the car was measured to hold
-
-# The greatest |ax| [m/s^2] before any tire slid at more than .05 m/s, on a circle of 8 m at the given share of mu g:
-# speed ramped to ax over .1 s and held for .15 s while the steering kept ay; engine as in models/f1tenth.xml, 2.5 ms.
-USES = (0.0, 0.25, 0.5, 0.7, 0.8, 0.9, 0.95)
-MEASURED = {
-    (MU, "brake"): (6.60, 5.39, 4.10, 3.01, 2.38, 1.45, 0.82),
-    (MU, "accelerate"): (7.11, 5.90, 4.61, 3.55, 2.77, 1.72, 1.09),
-    (0.6, "brake"): (4.41, 3.95, 3.40, 2.66, 2.07, 1.33, 0.78),
-    (0.6, "accelerate"): (4.77, 4.30, 3.79, 3.01, 2.46, 1.72, 1.29),
-}
-
-
-def measured_limit(mu, direction, use):
-    return np.interp(use, (*USES, 1.0), (*MEASURED[mu, direction], 0.0))
+        assert -held_by_four_wheels(CAR, mu, use, "brake") <= acceleration
+        assert acceleration <= held_by_four_wheels(CAR, mu, use, "accelerate")
 
 
 @each("direction", ["brake", "accelerate"])
 @each("mu", [0.6, MU])
 @each("speed", [2.0, 4.0, 7.0])
-def test_it_never_asks_for_more_than_the_car_was_measured_to_hold(mu, direction, speed):
+def test_it_never_asks_for_more_than_four_wheels_hold(mu, direction, speed):
     limiter = FrictionLimiter(CAR, mu)
     granted = []
     for use in np.linspace(0.0, 0.95, 39):
@@ -220,17 +311,17 @@ def test_it_never_asks_for_more_than_the_car_was_measured_to_hold(mu, direction,
         limiter.reset()
         _, acceleration = settled(limiter, angle, 0.0 if direction == "brake" else 20.0, speed)
         granted.append(abs(acceleration))
-        assert granted[-1] <= measured_limit(mu, direction, use), f"at {use:.3f} of mu g"
+        assert granted[-1] <= held_by_four_wheels(CAR, mu, use, direction), f"at {use:.3f} of mu g"
     assert all(after <= before for before, after in pairwise(granted))
-    assert granted[0] > 0.85 * measured_limit(mu, direction, 0.0)  # and it is not timid
+    assert granted[0] > 0.85 * held_by_four_wheels(CAR, mu, 0.0, direction)  # and it is not timid
 
 
 # -- the car
 
 
-def greatest_slide(speed, reference, limiter, tires):
+def greatest_slide(speed, reference, limiter):
     """Slide [m/s] of the car at `speed` given a step of the steering reference, through the limiter or straight."""
-    model, data, car = flat_world(tires=tires)
+    model, data, car = flat_world(tires=VEHICLE.tires)
     meter = TireSlipMeter(model)
     car.set_pose(data, 0.0, 0.0, 0.0, speed)
     for _ in range(40):
@@ -245,19 +336,18 @@ def greatest_slide(speed, reference, limiter, tires):
     return np.nanmax(meter.read().sliding_speed), data
 
 
-@each("tires", TIRES)
-@each("speed", [3.0, 5.0, 7.0])
-def test_a_step_of_the_steering_reference_slides_no_tire_and_does_without_the_limiter(speed, tires):
-    slide, data = greatest_slide(speed, -CAR.max_steering_angle, FrictionLimiter(CAR, MU), tires)
-    assert slide < slides_above(tires)
+@each("speed", [5.0, 7.0])
+def test_a_step_of_the_steering_reference_slides_no_tire_and_does_without_the_limiter(speed):
+    limiter = FrictionLimiter(VEHICLE.parameters, VEHICLE.nominal_mu)
+    slide, data = greatest_slide(speed, -CAR.max_steering_angle, limiter)
+    assert slide <= slides_above(VEHICLE.tires.model)
     heading = 2.0 * math.atan2(data.qpos[6], data.qpos[3])
     assert heading < -0.5  # it did turn
-    assert greatest_slide(speed, -CAR.max_steering_angle, None, tires)[0] > 2.0 * SLIDING_SPEED
+    assert greatest_slide(speed, -CAR.max_steering_angle, None)[0] > 2.0 * SLIDING_SPEED
 
 
-@each("tires", TIRES)
-def test_a_limiter_that_believes_in_half_as_much_grip_again_slides(tires):
-    assert greatest_slide(5.0, CAR.max_steering_angle, FrictionLimiter(CAR, 1.5 * MU), tires)[0] > SLIDING_SPEED
+def test_a_limiter_that_believes_in_half_as_much_grip_again_slides():
+    assert slide_of_stop(VEHICLE, 5.0, 0.0) == 0.0 and slide_of_stop(VEHICLE, 5.0, 0.0, 1.5) > SLIDING_SPEED
 
 
 def any_references(seed, ticks=400):
@@ -280,19 +370,45 @@ def any_references(seed, ticks=400):
     ids=["back and on at full lock", "0", "1", "3"],
 )
 def test_at_low_speed_no_tire_slides_with_the_wheels_turned(references):
-    model, data, car = flat_world(tires="coulomb")
-    meter, limiter = TireSlipMeter(model), FrictionLimiter(CAR, MU)
+    model, data, car = flat_world(tires=VEHICLE.tires)
+    meter, limiter = TireSlipMeter(model), FrictionLimiter(VEHICLE.parameters, VEHICLE.nominal_mu)
     car.set_pose(data, 0.0, 0.0, 0.0)
     for angle, speed in references:
         car.apply(data, limiter(angle, speed, car.odometry(data), PERIOD))
         for _ in range(round(PERIOD / model.opt.timestep)):
             step(model, data)
             meter.record(data)
-    assert np.nanmax(meter.read().sliding_speed) < slides_above("coulomb")
+    assert np.nanmax(meter.read().sliding_speed) <= slides_above(VEHICLE.tires.model)
 
 
 @each("height", [0.105, 0.12, 0.14])  # it slid by .06 m/s, and rolled over at .12 m and .14 m
 def test_a_tall_car_laps_without_a_slide_and_is_warned_of(height):
     with pytest.warns(UserWarning, match=f"center_of_gravity_height is {height:g} m: at full lock a wheel lifts"):
         car = race(track="oval", laps=1, cog_height=height).cars[0]
-    assert car.finished and car.max_slide_m_s < slides_above("coulomb")
+    assert car.finished and car.max_slide_m_s <= slides_above(VEHICLE.tires.model)
+
+
+@each("name", ["f1tenth", "ipz", "nuc2"])
+@each("tires", [None, "coulomb"])
+def test_a_stop_in_a_bend_at_half_of_the_grip_does_not_spin_the_car(name, tires):
+    """Neither through the limiter nor as the speed servo stops by itself, whose wheels lock."""
+    vehicle = fg.Vehicle.load(name)
+    vehicle = vehicle if tires is None else replace(vehicle, tires=Tires.load(tires))
+    for limiter in (FrictionLimiter(vehicle.parameters, vehicle.nominal_mu), None):
+        model = vehicle.compile()
+        data, car, forces, angle = mujoco.MjData(model), Car(model), TireForces(model), 0.15
+        lateral = 0.5 * vehicle.nominal_mu * GRAVITY
+        speed = math.sqrt(lateral * car.parameters.wheelbase / math.tan(angle))
+        forces.begin(data)
+        car.write_pose(data, 0.0, 0.0, 0.0, speed)
+        data.ctrl[:] = angle, speed
+        forces.run(data, *np.empty((2, 300, 0)))
+        begun, rates = data.qvel[5], []
+        for _ in range(28):  # .7 s
+            odometry = car.odometry(data)
+            command = DriveCommand(steering_angle=angle, speed=0.0)
+            car.apply(data, limiter(angle, 0.0, odometry, PERIOD) if limiter else command)
+            forces.run(data, *np.empty((2, 5, 0)))
+            rates.append(data.qvel[5])
+        assert car.ground_speed(data) < 0.1
+        assert min(rates) > -0.3 and max(rates) < 1.1 * begun  # [rad/s]

@@ -126,7 +126,7 @@ def test_motions_are_arcs_of_their_curvature_within_full_lock_and_grip(name, rev
         share = curvature / min(0.97 * TIGHTEST, GRIP * LIMITER.lateral / max(square, 1e-3))
         assert 2.0 * share == pytest.approx(round(2.0 * share), abs=1e-6)  # all, half or none
         assert abs(share - share_before) < 0.51 or direction != before[4]
-        braking = 0.65 * LIMITER.braking * longitudinal_share(GRIP * abs(share), LIMITER.record[0]["exponent"])
+        braking = 0.65 * LIMITER.braking * longitudinal_share(LIMITER.record[0], GRIP * abs(share), True)
         square, share_before = max(square - 2.0 * braking * chord, min(square, slowest)), share
 
 

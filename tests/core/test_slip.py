@@ -26,6 +26,7 @@ from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.tires import AxleTires, Coulomb, Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle
 from scan_worlds import CAR, scan_of
+from vehicle_worlds import with_drive_line
 
 BLIND = scan_of(np.zeros(1081))
 SOFT = replace(CAR, **Tires.load("forzaeth_nuc6").for_planners())
@@ -73,8 +74,14 @@ def test_the_rear_tires_drive_at_full_lock_up_to_their_share_of_the_peak(reverse
 
 
 def circled(tires, radius):
-    """A car on a steady circle at .95 of the speed that its planner drives on it, and its planner."""
-    ground = LabGround(tires=tires)
+    """A car on a steady circle at .95 of the speed that its planner drives on it, and its planner.
+
+    Stiff tires have an open centre: the wheels of a shaft's axles differ by more than what takes them to their peaks.
+    """
+    vehicle = Vehicle.load()
+    if not tires.for_planners():
+        vehicle = replace(vehicle, text=with_drive_line(vehicle.text, centre="open"))
+    ground = LabGround(tires=tires, vehicle=vehicle)
     car = ground.car.parameters
     planner = GapFinder(car, Vehicle.load().reliable_mu(tires))
     limiter, angle = planner.driver["limiter"][0], math.atan(car.wheelbase / radius)

@@ -229,6 +229,11 @@ class Tires:
         ]
         return replace(self, front=axles[0], rear=axles[1], friction="")
 
+    @property
+    def rolling_resistance(self) -> float:
+        """Force against rolling, over the load [-]: the mean of both axles."""
+        return 0.0 if self.is_contact else 0.5 * sum(axle.rolling_resistance for axle in self.axles)
+
     def for_planners(self) -> dict[str, float]:
         """Return the parameters of the tires for planners, as fields of CarParameters; none of stiff ones."""
         if self.is_contact or max(axle.lateral.peak_slip for axle in self.axles) <= _STIFF:

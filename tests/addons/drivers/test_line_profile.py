@@ -126,6 +126,8 @@ def test_everywhere_the_tires_hold_it_and_no_speed_is_beyond_the_lines_own(seed,
     assert (speed <= min(8.0, speeds.max()) + 1e-9).all() and (speed > 0.0).all()
     # braking is by what is left at the place where it ends, accelerating by that where it begins
     after = (np.roll(speed, -1) ** 2 - speed**2) / (2.0 * table[0, STEP])
-    share = np.array([longitudinal_share(value / (mu * CAR.gravity), LIMITER.exponent) for value in lateral])
-    assert (after <= 0.6 * limiter.accelerating * share + 1e-6).all()
-    assert (-after <= 0.6 * limiter.braking * np.roll(share, -1) + 1e-6).all()
+    row = limiter.record[0]
+    use = (lateral / (mu * CAR.gravity)).tolist()
+    speeding, slowing = (np.array([longitudinal_share(row, value, way) for value in use]) for way in (False, True))
+    assert (after <= 0.6 * limiter.accelerating * speeding + 1e-6).all()
+    assert (-after <= 0.6 * limiter.braking * np.roll(slowing, -1) + 1e-6).all()
