@@ -171,7 +171,8 @@ def test_noise_is_drawn_from_the_seed_and_the_same_in_any_batch():
 
 def test_privileged_terms_are_a_vector_of_their_own():
     """A critic sees them normalised like the rest; those of the scan stay what they are."""
-    settings = {"start": {"s": 4.0, "offset": 0.2}, "mu": 0.7, "privileged": "pose,offset,curvature,slip,mu"}
+    settings = {"start": {"s": 4.0, "offset": 0.2}, "mu": 0.7, "tires": "coulomb",
+                "privileged": "pose,offset,curvature,slip,mu"}
     env = F1TenthEnv(observation="beams:9,speed,flat", **settings)
     seen, _ = env.reset(seed=0)
     assert env.observation_space.contains(seen) and list(seen) == ["observation", "privileged"]

@@ -27,9 +27,11 @@ def benchmark():
 
 @pytest.fixture(scope="module")
 def drives(benchmark):
-    """Terms of each behaviour's drive of at most five seconds."""
+    """Terms of each behaviour's drive of at most five seconds, of the first seed whose noise leads into no wall."""
     names = sorted({term.name for name in PRESETS for term in Rewards(preset=name).terms} | set(RUNNING_COSTS))
-    return {name: benchmark.driven("hairpins", name, 5.0, 0, names) for name in benchmark.BEHAVIOURS}
+    found = {name: benchmark.driven("hairpins", name, 5.0, 2, names) for name in benchmark.BEHAVIOURS}
+    assert [name for name, drive in found.items() if drive["collision"].any()] == list(CRASHES)
+    return found
 
 
 @each("gamma", [0.99, 0.995, 1.0])

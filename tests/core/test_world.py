@@ -120,9 +120,9 @@ def test_what_is_seen_is_what_is_hit(backend, x, y, heading):
 
 
 @each("mu", (None, 0.37, 0.8))
-def test_mu_reaches_all_four_tires_of_the_default_law(mu):
+def test_mu_reaches_all_four_tires_of_the_ideal_law(mu):
     """Dragged sideways, each has mu times its load, and nothing touches the ground but the tires' law."""
-    world = fg.World("oval", mu=mu)
+    world = fg.World("oval", mu=mu, tires="coulomb")
     expected = 1.0489 if mu is None else mu
     assert world.car.mu == expected
     engine, data = Engine(world), mujoco.MjData(world.model)
