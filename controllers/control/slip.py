@@ -238,6 +238,8 @@ def _read(table: FloatArray, share: float) -> float:
 @kernel
 def steered(slip: Record, car: Record, angle: float, speed: float) -> float:
     """Return the steering angle [rad] with which a car at `speed` [m/s] runs on the arc of `angle` [rad]."""
+    if angle == 0.0 or not math.isfinite(angle + speed):
+        return angle
     force = speed * speed * math.tan(abs(angle)) / (car.wheelbase * car.gravity)
     lead = _lead(slip, force) + _wound_up(slip, abs(angle))
     return saturate(angle + math.copysign(lead, angle), car.max_steering_angle)
@@ -407,7 +409,8 @@ def to_velocity_frame(
     """
     yaw_rate, seen, last = odometry.angular_velocity[2], frame.odometry, frame.angle
     speed = ground_speed(slip, car, odometry.speed, odometry.steering_angle, command)
-    frame.excess = odometry.speed - speed
+    excess = odometry.speed - speed
+    frame.excess = excess if math.isfinite(excess) else 0.0  # what is not finite is not added to a command
     frame.angle = velocity_angle(slip, car, speed, yaw_rate)
     frame.geometry.angle_min, frame.geometry.angle_increment = (
         geometry.angle_min - frame.angle,

@@ -205,7 +205,8 @@ def test_what_is_not_finite_brakes_and_is_forgotten(car):
     good = at(10.0, 0.1, 0.0, 4.0)
     expected = planner(OPEN, good)
     for broken in (at(math.nan, 0.0, 0.0, 4.0), at(10.0, 0.0, 0.0, math.nan), at(10.0, 0.1, 0.0, 4.0, math.nan)):
-        planner(OPEN, broken)
+        command = planner(OPEN, broken)
+        assert command.steering_angle == 0.0 or not math.isnan(broken.speed)
         for _ in range(4):
             command = planner(OPEN, good)
         assert math.isfinite(command.steering_angle) and plan_of(planner)["iterations"] > 0
