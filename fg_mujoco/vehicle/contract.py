@@ -82,6 +82,11 @@ def _parts() -> Iterator[Part]:
 
 _FEW = 4  # faults that a message tells each with what is accepted
 
+_TEXTS = ("centre", "front_axle", "rear_axle", "tires", "lidar", "look")
+_NUMERICS = (
+    "motor_inertia", "drag_brake", "drag", "motor", "battery", "power_limit_speed", "steering_map", "acceleration_map"
+)  # fmt: skip
+
 PARTS = tuple(_parts())
 """All that the MJCF of a vehicle must name; docs/howto/own_car.md shows it."""
 
@@ -178,6 +183,7 @@ def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
         yield "a mass or inertia is not finite; accepted: numbers above 0 [kg, kg m^2]"
         return
     yield from _place_faults(model)
+    yield from _custom_faults(model)
     line = None
     try:
         line = DriveLine.of(model)
@@ -194,6 +200,22 @@ def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
         yield "an equality of the kingpins is not active; accepted: active, so that they follow the steering"
     yield from _standing_faults(model, line)
     yield from _beam_faults(model, beams)
+
+
+def _custom_faults(model: Any) -> Iterator[str]:
+    """Yield names under <custom> that are nearly those which are read, or of the other kind."""
+    kinds = mujoco.mjtObj
+    for kind, others, own, element, count in (
+        ("text", _NUMERICS, _TEXTS, kinds.mjOBJ_TEXT, model.ntext),
+        ("numeric", _TEXTS, _NUMERICS, kinds.mjOBJ_NUMERIC, model.nnumeric),
+    ):
+        for index in range(count):
+            name = mujoco.mj_id2name(model, element, index)
+            meant = nearest(name, (*own, *others), cutoff=0.8)
+            if name in others:
+                yield f"{kind} {name!r} is read as a {'numeric' if kind == 'text' else 'text'}; accepted: such a one"
+            elif name not in own and meant is not None:
+                yield f"{kind} {name!r} is nothing that is read; accepted: {meant!r}, or a name of your own unlike it"
 
 
 def _place_faults(model: Any) -> Iterator[str]:
