@@ -10,9 +10,7 @@ corners allow, of what can be gained up to a place, and of what can be lost from
 quasi steady state approach to race car lap simulation", Proc. IMechE D 219, 2005). No car with these forces laps the
 line in less time: it would need to know all of it, and to change its forces at once.
 
-`PointMass` is the bound proper: one mass on one friction circle. `HoldingCar` is tighter, and an estimate: the tires
-of each axle within their own friction circles, under the load that braking and accelerating leave them, with the
-torque that open differentials share evenly.
+`PointMass` is one mass on one friction circle, as a car is whose axles are tied by a shaft.
 """
 
 from __future__ import annotations
@@ -95,39 +93,6 @@ class PointMass:
     def _left(self, curvature: float, squared_speed: float) -> float:
         grip = self.mu * self.car.gravity
         return math.sqrt(max(grip * grip - (curvature * squared_speed) ** 2, 0.0))
-
-
-@dataclass(frozen=True, kw_only=True)
-class HoldingCar(PointMass):
-    """The single-track car whose axles hold: each on its own friction circle, under its own load.
-
-    With a [m/s^2] forward, an axle whose distance from the CoG leaves it the share c of the weight carries
-    M (g c - a h / L) in front and M (g c + a h / L) at the back, holds M c of the lateral acceleration and passes on
-    M a / 2, for open differentials share the torque evenly. Its circle, (a / 2)^2 + (c y)^2 = mu^2 (g c -+ a h / L)^2,
-    is a quadratic equation of a; the axle that is relieved lets go first.
-    """
-
-    def acceleration(self, curvature: float, squared_speed: float) -> float:
-        """Return the front axle's slip limit, or the motor's acceleration if that is lower [m/s^2]."""
-        light = self._axle(self.car.rear_axle_distance, curvature * squared_speed)
-        return min(light, motor_acceleration(self.car, squared_speed))
-
-    def braking(self, curvature: float, squared_speed: float) -> float:
-        """Return at what the rear axle lets go, or what the motor gives."""
-        light = self._axle(self.car.front_axle_distance, curvature * squared_speed)
-        return min(light, self.car.max_acceleration)
-
-    def _axle(self, lever: float, lateral: float) -> float:
-        """Return the positive root for the axle that carries `lever` / wheelbase of the weight at rest [m/s^2]."""
-        car = self.car
-        share, moved = lever / car.wheelbase, self.mu * car.center_of_gravity_height / car.wheelbase
-        rest = self.mu * car.gravity * share
-        square, linear, free = 0.25 - moved * moved, 2.0 * rest * moved, (lateral * share) ** 2 - rest * rest
-        if free >= 0.0:
-            return 0.0
-        if square <= 0.0:  # so much grip that the axle would lift first
-            return car.gravity * lever / car.center_of_gravity_height
-        return (math.sqrt(linear * linear - 4.0 * square * free) - linear) / (2.0 * square)
 
 
 def motor_acceleration(car: CarParameters, squared_speed: float) -> float:

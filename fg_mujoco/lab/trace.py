@@ -28,7 +28,6 @@ class CarSensors:
             setattr(self, name, sensor_slice(model, name))
         self.wheel_speeds = [sensor_slice(model, f"{wheel}_wheel_speed").start for wheel in WHEELS]
         self.velocities = [sensor_slice(model, f"{wheel}_wheel_velocity") for wheel in WHEELS]
-        self.axles = [sensor_slice(model, f"{wheel}_wheel_axle") for wheel in WHEELS]
 
     position: slice
     orientation: slice
@@ -117,25 +116,6 @@ class Trace:
         world_x = (1 - 2 * (y * y + z * z)) * ax + 2 * (x * y - w * z) * ay + 2 * (x * z + w * y) * az
         world_y = 2 * (x * y + w * z) * ax + (1 - 2 * (x * x + z * z)) * ay + 2 * (y * z - w * x) * az
         return self._along_heading(world_x, world_y)
-
-    @cached_property
-    def tire_forces(self) -> FloatArray:
-        """Force of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air.
-
-        Tires with a law of ours act along the wheel's heading half a step later, seen from the car, which turns, too;
-        MuJoCo's contacts along that of now.
-        """
-        later = 1 if len(self.sensors.meter.rows) else 0
-        along, across = np.nan_to_num(self.slip.longitudinal_force), np.nan_to_num(self.slip.lateral_force)
-        forces = []
-        for tire, sensor in enumerate(self.sensors.axles):
-            axle = self._along_heading(*self.records[:, sensor][:, :2].T)
-            axle = axle + np.concatenate((axle[later:], axle[len(axle) - later :]))  # twice that of half a step later
-            ahead_x, ahead_y = np.array((axle[:, 1], -axle[:, 0])) / np.hypot(axle[:, 0], axle[:, 1])
-            x = ahead_x * along[:, tire] - ahead_y * across[:, tire]
-            y = ahead_y * along[:, tire] + ahead_x * across[:, tire]
-            forces.append(np.stack((x, y), axis=1))
-        return np.stack(forces, axis=1)
 
     def _along_heading(self, x: FloatArray, y: FloatArray) -> FloatArray:
         cos, sin = np.cos(self.heading), np.sin(self.heading)

@@ -158,12 +158,6 @@ def limit(axes: Axes, y: float, label: str = "") -> None:
     axes.axhline(y, color="0.25", linewidth=0.8, linestyle=(0, (4, 2)), label=label or None, zorder=1.5)
 
 
-def log_from_zero(axes: Axes, least: float) -> None:
-    """Make the vertical axis logarithmic above `least`, and even from there to 0, which a logarithm leaves out."""
-    axes.set_yscale("symlog", linthresh=least)
-    axes.set_ylim(0.0, None)
-
-
 def few_ticks(*panels: Axes) -> None:
     """Leave so few ticks on the horizontal axes that their numbers stand apart."""
     for axes in panels:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -174,14 +173,6 @@ class Tires:
     def slides(self) -> bool:
         """Whether the tires have a peak, past which they slide."""
         return self.is_contact or all(axle.lateral.has_peak for axle in self.axles)
-
-    @property
-    def longitudinal_slope(self) -> float:
-        """Force along the heading over the load for each unit of slip ratio, the mean of both axles [-].
-
-        Infinite for the model `contact`, whose tires creep, but do not slip by a ratio.
-        """
-        return math.inf if self.is_contact else sum(axle.longitudinal.slope for axle in self.axles) / 2.0
 
     @property
     def axles(self) -> tuple[AxleTires, AxleTires]:

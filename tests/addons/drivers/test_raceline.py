@@ -18,7 +18,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.course.clearance import clearances
 from fg_mujoco.course.course import outline
 from fg_mujoco.errors import TrackError
-from fg_mujoco.lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
+from fg_mujoco.lab.lap_time_bound import PointMass, fastest_speeds, lap_time, smooth_line
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -88,8 +88,8 @@ def test_bound_is_at_least_as_good_as_that_of_the_shared_raceline():
     ours = make_raceline(Setup(track=str(SHARED / "Zandvoort_map.yaml")))
     theirs = smooth_line(read_line(SHARED / "Zandvoort_raceline.csv")[0][:-1], 0.002, spacing=0.1)
     own = smooth_line(spread(ours.points[::5], 0.1), 0.002, spacing=0.1)
-    for limits in (PointMass(mu=MU, car=CAR, max_speed=8.0), HoldingCar(mu=MU, car=CAR, max_speed=8.0)):
-        assert lap_time(own, fastest_speeds(own, limits)) < lap_time(theirs, fastest_speeds(theirs, limits))
+    limits = PointMass(mu=MU, car=CAR, max_speed=8.0)
+    assert lap_time(own, fastest_speeds(own, limits)) < lap_time(theirs, fastest_speeds(theirs, limits))
     assert ours.clearance > 0.08
 
 
