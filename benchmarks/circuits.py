@@ -2,9 +2,10 @@
 
     python benchmarks/circuits.py --json docs/figures.json [--data ../shared/data] [--workers 2] [--runs DIR]
 
-`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Six groups of
-races are driven, all with the default settings unless the group says otherwise:
+`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Seven groups
+of races are driven, all with the default settings unless the group says otherwise:
 
+- identified: gap_finder and random, five laps, by the identified car on the floor that it was identified on;
 - circuits: gap_finder, five laps, on the bundled circuits, on the real ones of `--data` and on random:0 to random:19;
 - baseline: random, which looks at nothing, on the bundled circuits: what the assist drives by itself;
 - planners: every planner, five laps, on the bundled circuits, without `remember`: all of them would drive one line;
@@ -30,6 +31,7 @@ import fg_mujoco as fg
 COMMAND = "python benchmarks/circuits.py --json docs/figures.json"
 BUNDLED = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
 RANDOM = tuple(f"random:{seed}" for seed in range(20))
+IDENTIFIED = {"vehicle": "ipz", "floor": "ipz8"}
 SPEEDS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [m/s]
 SPEED_SCENES = ("scene:u_turn_trap", "scene:wrong_side_chicane")
 THRESHOLDS = (1, 2, 3, 4, 5)  # [m]
@@ -77,10 +79,15 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
         print(f"{name} ...", flush=True)
         return fg.compare(controllers, out=runs / name, workers=workers, pictures=False, **settings)
 
-    circuits = group("circuits", ["gap_finder"], track=[*BUNDLED, *real_circuits(data), *RANDOM])
+    real = real_circuits(data)
+    circuits = group("circuits", ["gap_finder"], track=[*BUNDLED, *real, *RANDOM])
+    identified = group("identified", ["gap_finder"], track=[*BUNDLED, *real, *RANDOM], **IDENTIFIED)
+    identified_baseline = group("identified_baseline", ["random"], track=BUNDLED, **IDENTIFIED)
     thresholds = [f"threshold_gap[threshold={t}]" for t in THRESHOLDS]
     scenes = successes(group("scenes", track=[f"scene:{name}" for name in fg.scene_names()], seed=range(10)))
     return {
+        "identified": by_controller(identified)["gap_finder"],
+        "identified_baseline": by_controller(identified_baseline)["random"],
         "circuits": by_controller(circuits)["gap_finder"],
         "baseline": by_controller(group("baseline", ["random"], track=BUNDLED))["random"],
         "planners": by_controller(group("planners", track=BUNDLED, assist="full-remember")),

@@ -65,10 +65,14 @@ def controllers(figures: dict[str, Any]) -> str:
 
 def circuits(figures: dict[str, Any]) -> str:
     """Return gap_finder's laps of every circuit, and those of the baseline on the bundled ones."""
-    rows, found = [], figures["circuits"]
+    return _laps(figures["circuits"], figures["baseline"])
+
+
+def _laps(found: dict[str, Any], baseline: dict[str, Any]) -> str:
+    rows = []
     for name in (*BUNDLED, *REAL, *PUBLISHED):
         label = name.upper() if name in PUBLISHED else name
-        for planner, runs in (("gap_finder", found), ("random", figures["baseline"])):
+        for planner, runs in (("gap_finder", found), ("random", baseline)):
             if name in runs:
                 run = runs[name]
                 rows.append((label, f"`{planner}`, `full`", f"{run['laps_completed']}/5", run["collisions"],
@@ -85,8 +89,8 @@ def circuits(figures: dict[str, Any]) -> str:
 
 
 def summary(figures: dict[str, Any]) -> str:
-    """Return gap_finder's laps of a few circuits: a bundled one, two real ones, the tightest, and random ones."""
-    head, rule, *rows = circuits(figures).splitlines()
+    """Return the identified car's laps of a few circuits: bundled ones, two real ones, and random ones."""
+    head, rule, *rows = _laps(figures["identified"], figures["identified_baseline"]).splitlines()
     return "\n".join((head, rule, *(row for row in rows if row.startswith(SUMMARY))))
 
 

@@ -1,6 +1,6 @@
 """The picture in motion of the README: python docs/diagrams/race.py writes docs/images/race.webp (make picture).
 
-Six seconds of chicanes from behind the car, with the trace, the tires' forces and the strip.
+Six seconds of chicanes from behind the identified car on its floor, with the trace, the tires' forces and the strip.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BEGIN, END, RATE = 14.6, 20.6, 10.0  # [s], [s], [1/s]
 
 def main() -> None:
     """Drive the laps and write the picture."""
-    race = fg.race("chicanes", laps=2)
+    race = fg.race("chicanes", vehicle="ipz", floor="ipz8", laps=2)
     with Film(race, size=SIZE, overlays=Overlays(trace=True, forces=True, strip=True)) as film:
         frames = [Image.fromarray(film.frame(BEGIN + index / RATE)) for index in range(round((END - BEGIN) * RATE))]
     frames[0].save(
