@@ -2,10 +2,11 @@
 
     python benchmarks/circuits.py --json docs/figures.json [--data ../shared/data] [--workers 2] [--runs DIR]
 
-`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Seven groups
+`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Eight groups
 of races are driven, all with the default settings unless the group says otherwise:
 
 - identified: gap_finder and random, five laps, by the identified car on the floor that it was identified on;
+- ideal: gap_finder on the published circuits, on tires that need no slip angle, as those of the published times;
 - circuits: gap_finder, five laps, on the bundled circuits, on the real ones of `--data` and on random:0 to random:19;
 - baseline: random, which looks at nothing, on the bundled circuits: what the assist drives by itself;
 - planners: every planner, five laps, on the bundled circuits, without `remember`: all of them would drive one line;
@@ -80,6 +81,7 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
         return fg.compare(controllers, out=runs / name, workers=workers, pictures=False, **settings)
 
     real = real_circuits(data)
+    published = [path for path in real if Path(path).parent.name == "maps"]
     circuits = group("circuits", ["gap_finder"], track=[*BUNDLED, *real, *RANDOM])
     identified = group("identified", ["gap_finder"], track=[*BUNDLED, *real, *RANDOM], **IDENTIFIED)
     identified_baseline = group("identified_baseline", ["random"], track=BUNDLED, **IDENTIFIED)
@@ -88,6 +90,7 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
     return {
         "identified": by_controller(identified)["gap_finder"],
         "identified_baseline": by_controller(identified_baseline)["random"],
+        "ideal": by_controller(group("ideal", ["gap_finder"], track=published, tires="coulomb"))["gap_finder"],
         "circuits": by_controller(circuits)["gap_finder"],
         "baseline": by_controller(group("baseline", ["random"], track=BUNDLED))["random"],
         "planners": by_controller(group("planners", track=BUNDLED, assist="full-remember")),

@@ -96,12 +96,13 @@ def summary(figures: dict[str, Any]) -> str:
 
 def published(figures: dict[str, Any]) -> str:
     """Return gap_finder's laps from a standing start beside published ones."""
-    own = {name: figures["circuits"][name]["first_lap_s"] for name in PUBLISHED}
+    own, ideal = ({name: figures[group][name]["first_lap_s"] for name in PUBLISHED} for group in ("circuits", "ideal"))
     return _table(
         ("", *(name.upper() for name in PUBLISHED)),
         [
             ("published follow-the-gap, LiDAR only [s]", *(_seconds(gap) for gap, _ in PUBLISHED.values())),
             ("**`gap_finder`, LiDAR only [s]**", *(f"**{_seconds(own[name])}**" for name in PUBLISHED)),
+            ("`gap_finder` on `coulomb`, the ideal tires [s]", *(_seconds(ideal[name]) for name in PUBLISHED)),
             ("published raceline and tracking, with a map [s]", *(_seconds(line) for _, line in PUBLISHED.values())),
             ("`gap_finder` to the raceline", *(f"{own[n] / line - 1.0:+.1%}" for n, (_, line) in PUBLISHED.items())),
         ],

@@ -110,7 +110,8 @@ def test_every_planner_drives_without_a_crash_and_without_sliding(controller, ci
 @pytest.mark.slow
 @pytest.mark.parametrize("circuit", PUBLISHED)
 def test_gap_finder_is_faster_than_the_published_follow_the_gap(circuit):
-    result = drive(circuit, laps=laps_of(circuit))
+    """On the ideal tires: those of the published times cannot slide, and need hardly any slip angle."""
+    result = drive(circuit, laps=laps_of(circuit), tires="coulomb")
     assert result.car.telemetry[0, fg.TELEMETRY.index("speed_m_s")] == 0.0  # a standing start
     assert result.car.speed_limit_m_s == 8.0
     assert result.car.max_speed_m_s <= 8.0 + 1e-3  # tires are springs: what they roll on is .049 m at rest
@@ -121,7 +122,7 @@ def test_gap_finder_is_faster_than_the_published_follow_the_gap(circuit):
 @each("circuit", ("oval", "hairpins", "chicanes", "tight"))
 def test_the_test_of_sliding_trips_without_the_law_and_on_less_grip_than_believed_and_not_with_the_law(circuit):
     assert_no_sliding(drive(circuit, laps=1, time_limit=10.0))
-    for believed, slides, share in ((np.inf, 10.0, 0.05), (1.5 * 1.0489, 2.0, 0.01)):
+    for believed, slides, share in ((np.inf, 10.0, 0.05), (1.5 * 1.0489, 2.0, 0.005)):
         result = drive(circuit, laps=1, planner_mu=believed, time_limit=10.0)
         with pytest.raises(AssertionError, match="a tire slid"):
             assert_no_sliding(result)
