@@ -97,13 +97,13 @@ FAULTS = {
         file="fg_mujoco/vehicle/tire_patch.py",
         old="(load / tire.nominal_load) ** -tire.load_sensitivity",
         new="(load / tire.nominal_load) ** tire.load_sensitivity",
-        tests="test_tire_forces.py test_tires.py test_tire_bench.py",
+        tests="test_tire_forces.py test_tires.py",
     ),
     "Coulomb friction without its limit": Fault(
         file="fg_mujoco/vehicle/tires/coulomb.py",
         old="found: float = numbers[0] * min(numbers[1] * slip, 1.0)",
         new="found: float = numbers[0] * numbers[1] * slip",
-        tests="test_tire_forces.py test_tires.py test_slides.py test_tire_bench.py",
+        tests="test_tire_forces.py test_tires.py test_slides.py",
     ),
     "the sideslip angle at the centre of gravity the wrong way": Fault(
         file="fg_mujoco/vehicle/motion.py",
@@ -521,7 +521,7 @@ FAULTS = {
         file="fg_mujoco/envs/reward_kernels.py",
         old="slid = min(slid, share * max(made, 0.0))",
         new="slid = min(slid, 2.0 * share * max(made, 0.0))",
-        tests="test_gym_environment.py test_reward_returns.py",
+        tests="test_gym_environment.py",
     ),
     "a history with the newest step first": Fault(
         file="fg_mujoco/envs/observer.py",
