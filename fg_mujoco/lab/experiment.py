@@ -62,6 +62,10 @@ class LabSettings:
     laps: int | None = None  # likewise
 
     def __post_init__(self) -> None:
+        if not isinstance(self.entry, Entry):
+            raise SettingsError(f"LabSettings.entry is {shown(self.entry)}; accepted: an Entry")
+        if not isinstance(self.law, str):
+            raise SettingsError(f"LabSettings.law is {shown(self.law)}; accepted: a name, or FILE.py:NAME")
         require_whole("laps", self.laps, 2, optional=True)
         lock = self.entry.car.parameters.max_steering_angle
         _require("mu", self.mus, GREATEST_MU, f"friction coefficients {ACCEPTED_MU}")
@@ -70,6 +74,8 @@ class LabSettings:
         if self.mus is not None and self.entry.set_mu is not None:
             where = "the floor" if self.entry.floor is not None else "mu of the car"
             raise SettingsError(f"mu is {shown(self.mus)}, and {where} sets one, too; accepted: one of them")
+        if not (self.tracks is None or isinstance(self.tracks, (tuple, list))):
+            raise SettingsError(f"LabSettings.tracks is {shown(self.tracks)}; accepted: one course or more")
         for track in self.tracks or ():
             load_course(track, self.entry.car.parameters)
         self.try_law(*self.angles)

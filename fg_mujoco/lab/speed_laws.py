@@ -119,6 +119,8 @@ def load_law(source: str) -> SpeedLaw:
         path, name = source, "law"
     if not path.endswith(".py"):
         return SpeedLaw(source, LAWS.find(source, ", or path/to/file.py:NAME"))
+    if not Path(path).is_file():
+        raise SettingsError(f"law is {source!r}, and there is no file {path}; accepted: {ACCEPTED}")
     module = import_file(Path(path), f"speed law {source!r}")
     if not hasattr(module, name):
         own = [each for each, value in vars(module).items() if inspect.isfunction(value)]

@@ -56,7 +56,7 @@ from scan_worlds import CAR, MU
 NAMES = {name: field for name, (_, field) in PARTS.items()} | {
     "lidar_effects": "LidarEffects", "entries": "entr", "start": "Start.", "opponents": "opponent", "rewards": "eward",
     "end_conditions": "end condition", "planner_settings": "setting", "observation": "Part.",
-    "mus": "mu is", "steerings": "steering is",
+    "mus": "mu is", "planner_mus": "planner_mu is", "steerings": "steering is",
 }  # fmt: skip
 """What a refusal says in place of the keyword: the field of the part that it is, or a word for one of several."""
 
