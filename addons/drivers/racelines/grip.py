@@ -7,7 +7,8 @@ At an acceleration a forward and y to the left, each wheel has the load
     M (g c -+ a h / L) / 2 -+ M c y h / w
 
 with c the axle's share of the weight, L the wheelbase, w the track width and h the height of the centre of gravity.
-Open differentials give each wheel M a / 4. With what its ellipse leaves, the tires of an axle together must reach
+Open differentials give each wheel M a / 4; a shaft holds more, which is a reserve here. With what its ellipse leaves,
+the tires of an axle together must reach
 M c y. The greatest a at which both axles do, and no wheel slides by its drive alone, is found by bisection. A tire's
 peak falls with its load as its set says.
 

@@ -151,7 +151,7 @@ def starts(drives, s):
 @each("turned, swapped", [(0.0, False), (2.0, True)])
 def test_race_control_judges_staged_touches_as_the_table_does(turned, swapped):
     cases = [case for case in CASES if case.simulated]
-    engine = Engine(fg.World(stadium(turned), others=[WorldCar()]), len(cases), laps=5)
+    engine = Engine(fg.World(stadium(turned), tires="coulomb", others=[WorldCar(tires="coulomb")]), len(cases), laps=5)
     drives = [staged(case, mirrored=swapped, swapped=swapped)[0] for case in cases]
     places = [BEFORE_BEND if case.bend or case.cause else STRAIGHT for case in cases]
     engine.place([start for pair, place in zip(drives, places, strict=True) for start in starts(pair, place)])

@@ -211,7 +211,7 @@ def test_the_same_seed_gives_the_same_bits(pose):
 @each("pose", METHODS)
 def test_pure_pursuit_laps_on_the_pose_that_is_found(pose):
     effects = fg.LidarEffects(range_noise_std=0.02, latency=0.025)
-    settings = {"laps": 1, "effects": effects, "odometry_drift": 0.05}
+    settings = {"laps": 1, "tires": "coulomb", "effects": effects, "odometry_drift": 0.05}
     found = fg.race("oval", f"pure_pursuit[pose={pose}]", **settings).car
     truth = fg.race("oval", "pure_pursuit", **settings).car
     assert found.end_reason == "finished" and found.collisions_wall == 0

@@ -17,6 +17,7 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import MapLine
 from scan_worlds import CAR, MU, corridor, odometry_of, rows_of
+from vehicle_worlds import open_file
 
 OPEN = corridor(5.0, 5.0)
 TURNS = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
@@ -157,7 +158,7 @@ def test_in_a_batch_each_follows_its_own_line_as_alone():
 
 
 def test_it_drives_a_circuit_close_to_the_centreline():
-    car = fg.race("l_corridor", "pure_pursuit", laps=1).car
+    car = fg.race("l_corridor", "pure_pursuit", laps=1, tires="coulomb", vehicle=open_file()).car
     assert car.finished and car.max_slide_m_s <= 0.05 and np.abs(car.column("offset_m")).max() < 0.5
 
 
@@ -189,7 +190,7 @@ def test_on_a_circle_it_stays(direction, tracker):
 def test_the_look_up_steers_the_single_track_car_along_a_steady_curve(speed, curvature, stiffnesses):
     front, rear = stiffnesses
     car = replace(CAR, front_cornering_stiffness=front, rear_cornering_stiffness=rear, front_peak=1.0, rear_peak=1.0,
-                  relaxation_length=0.01)  # fmt: skip
+                  front_peak_slip=math.inf, rear_peak_slip=math.inf, relaxation_length=0.01, shaft=False)  # fmt: skip
     limiter = FrictionLimiter(car, 1.0).record[0]
     slip, row = limiter["slip"], limiter["car"]
     arc = math.atan(car.wheelbase * curvature)

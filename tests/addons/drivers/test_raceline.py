@@ -75,7 +75,7 @@ def test_fastest_line_of_a_ring_is_at_its_inner_wall(direction):
 
 def test_grip_straight_ahead_and_in_a_steady_corner_is_the_closed_form():
     """The lighter axle lets go at g (l / b) / (h / b + 1 / (2 mu)); all tires of one friction hold mu g aside."""
-    grip = double_track_grip(Entry(mu=MU))
+    grip = double_track_grip(Entry(mu=MU, tires="coulomb"))
     b, h = CAR.wheelbase, CAR.center_of_gravity_height
     for found, lever in ((grip.accelerating, CAR.rear_axle_distance), (grip.braking, CAR.front_axle_distance)):
         assert found[0] == pytest.approx(CAR.gravity * lever / b / (h / b + 0.5 / MU), rel=1e-6)

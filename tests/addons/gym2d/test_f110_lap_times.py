@@ -145,7 +145,7 @@ def test_poses_are_of_the_centre_of_gravity_with_linear_tires_only():
 
 
 @each("change, gain", [(0.2, MOST_ACCELERATION * 10 / 20), (-0.2, MOST_ACCELERATION * 10 / 5)])
-@each("tires, slack", [(None, 0.08), ("f1tenth_gym", 0.16)])
+@each("tires, slack", [("coulomb", 0.08), ("f1tenth_gym", 0.17)])
 def test_a_speed_is_approached_by_the_gains_of_the_gym(tires, slack, change, gain):
     env = f110.make(map="fast", tires=tires)
     env.reset(np.array([fg.load_track("fast").start_pose(0.0)]))
