@@ -202,7 +202,7 @@ def test_on_soft_tires_a_line_is_followed_only_where_the_planners_own_simulated_
     assert car.finished and car.lap_times_s[2] < 0.85 * car.lap_times_s[0]
 
 
-@each(("track", "tires"), [("boxes", "f1tenth_gym"), ("l_corridor", "f1tenth_gym"), ("l_corridor", "forzaeth_nuc2")])
+@each(("track", "tires"), [("boxes", "f1tenth_gym"), ("elbow", "f1tenth_gym"), ("l_corridor", "forzaeth_nuc2")])
 def test_on_soft_tires_a_car_that_stops_does_so_where_it_planned_to(track, tires):
     """It touched walls within 3 laps: its stops swung about their direction, and were given up for others."""
     assert fg.race(track, "disparity_extender", laps=3, tires=tires, mu=1.0489).car.finished

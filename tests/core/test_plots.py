@@ -7,6 +7,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
+from fg_mujoco.vehicle.tire_slip import slides_above
 
 
 def pixels(draw):
@@ -60,7 +61,7 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
         np.testing.assert_array_equal(tire.lines[0].get_xdata(), lap.car.column("progress_m"))
         assert shows(tire, [1.0, 1.0])
         assert shows(sliding, lap.car.column(f"slide_{wheel}_m_s"))
-    assert shows(sliding, [0.01, 0.01])  # tires of bristles, the default
+    assert slides_above(lap.car.tires_model) == 0.0  # past the peak: no line; bristles have one
     for axes in (speed, steering, sliding):  # the end of the lap
         assert any(np.array_equal(curve.get_xdata(), [lap.car.lap_times_s[0]] * 2) for curve in axes.lines)
 

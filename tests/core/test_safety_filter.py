@@ -97,7 +97,7 @@ def bend(radius, aside):
     return ranges
 
 
-@each(("ranges", "use"), [(np.full(BEAMS, 30.0), 0.0), (bend(3.0, 2.5), 0.0), (bend(3.0, 0.8), -1.0)])
+@each(("ranges", "use"), [(np.full(BEAMS, 30.0), 0.0), (bend(3.0, 2.5), 0.0), (bend(3.0, 0.7), -1.0)])
 def test_a_car_that_brakes_corners_only_as_far_as_the_walls_make_it(ranges, use):
     row = np.array([record_values(for_car(SafetyFilterSettings(), CAR))], record_type(SafetyFilterSettings))
     memory = np.zeros(1, LIMITER_MEMORY)

@@ -70,7 +70,7 @@ def test_walls_stand_outside_of_their_room_and_meet_at_its_corners():
 
 
 def test_finished_is_the_goal_passed():
-    result = fg.race(scene(), driven((0.0, 2.0)), start=fg.Start(speed=2.0))
+    result = fg.race(scene(), driven((0.0, 2.0)), start=fg.Start(speed=2.0), tires="coulomb")
     assert (result.car.end_reason, result.laps_requested, result.car.laps_completed) == ("finished", 1, 1)
     assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)
     assert result.car.column("progress_m")[0] == pytest.approx(0.0, abs=1e-9)
@@ -92,7 +92,7 @@ def brakes_at(when, creep=0.0):
 
 
 def test_to_stand_two_seconds_behind_the_goal_is_to_finish():
-    result = fg.race(scene(**STOP), brakes_at(6.3), start=fg.Start(speed=2.0))
+    result = fg.race(scene(**STOP), brakes_at(6.3), start=fg.Start(speed=2.0), tires="coulomb")
     assert result.car.finished and result.car.collisions_wall == 0
     speed, time = result.car.column("speed_m_s"), result.car.column("time_s")
     stood = time[np.abs(speed) >= 0.05][-1] + TICK
