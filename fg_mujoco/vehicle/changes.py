@@ -75,8 +75,8 @@ def set_mu(spec: Any, mu: float) -> None:
 
 def scaled_mu(present: Sequence[float], mu: float) -> list[float]:
     """Return friction coefficients with the ratios of the present ones, `mu` the greatest [-]."""
-    greatest = max(present)
-    return [mu if own == greatest else six_digits(mu * float(own) / float(greatest)) for own in present]
+    greatest, rounded = max(present), six_digits(mu)
+    return [six_digits(rounded * float(own) / float(greatest)) for own in present]
 
 
 def change_spec(spec: Any, changes: CarChanges, plain: Any) -> None:
@@ -118,7 +118,7 @@ def change_worlds(batch: Any, changes: Sequence[CarChanges], plain: Any, prefix:
     chassis = model.body(prefix + _CHASSIS).id
     servos = [model.actuator(prefix + servo).id for servo in _SERVOS]
     for world, change in _where(changes, "mu"):
-        own = scaled_mu(model.pair_friction[pairs, 0].tolist(), six_digits(change.mu))
+        own = scaled_mu(model.pair_friction[pairs, 0].tolist(), change.mu)
         batch.expand("pair_friction")[world, pairs, :2] = np.array(own)[:, np.newaxis]
     heavier = dict((*_where(changes, "mass"), *_where(changes, "center_of_gravity_height")))
     for world, change in heavier.items():
