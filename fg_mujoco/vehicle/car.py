@@ -97,6 +97,8 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     power_limit = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
     lidar_mount = element_id(model, mujoco.mjtObj.mjOBJ_SITE, f"{prefix}lidar_mount")
 
+    # a motor that feeds no speed back holds it by this damping: it is its servo, and slows nothing
+    damping = float(model.dof_damping[dofs].sum()) if model.actuator_biasprm[drive, 2] < 0.0 else 0.0
     return CarParameters(
         wheelbase=float(front_left[0] - rear_left[0]),
         track_width=float(front_left[1] - front_right[1]),
@@ -127,7 +129,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         front_lock=line.front.lock,
         rear_lock=line.rear.lock,
         rolling_resistance=(tires.rolling_resistance * mass * gravity + line.drag_brake) / effective_mass,
-        rolling_damping=float(model.dof_damping[dofs].sum()) / wheel_radius**2 / effective_mass,
+        rolling_damping=damping / wheel_radius**2 / effective_mass,
         **tires.for_planners(),
     )
 
