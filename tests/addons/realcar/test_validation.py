@@ -23,6 +23,8 @@ from fg_mujoco.addons.realcar.validation.windows import (
     windows_of,
 )
 from fg_mujoco.cli.main import main
+from fg_mujoco.course.open_ground import OpenGround
+from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 from window_tasks import task
@@ -80,23 +82,28 @@ def test_windows_follow_each_other_where_the_car_moves(circle):
     assert all(state.speed > 1.0 and abs(state.yaw_rate) > 0.3 for state in steady_states_of([motion]))
 
 
+def slowed(car, speed):
+    """By how much a car on its own tires slows as it rolls at a speed [m/s^2]."""
+    own = World(OpenGround(seconds=1.0), car, tires=car.tires).parameters
+    return own.rolling_resistance + own.rolling_damping * speed
+
+
 @each("vehicle, asked", [("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)])
 def test_a_motor_accelerates_a_car_as_it_is_asked_less_its_drag_and_its_rolling_resistance(vehicle, asked):
-    """Newton: of ipz .238 m/s^2 for each m/s and .0422 g, which also turn the wheels: 4.283 kg for 4.0 kg."""
+    """Newton: its wheels' damping and its tires' rolling resistance slow a car, wheels and motor."""
     car = Vehicle.load(vehicle)
     model = CarModel(vehicle=car, tires=car.tires)
     start = (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0)
     speed = model.simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0][:, 3]
-    resisted = 0.238 * speed[30:].mean() + 0.0422 * 9.81 * 4.0 / 4.283 if vehicle == "ipz" else 0.0
-    assert (speed[-1] - speed[30]) / 0.7 == pytest.approx(asked - resisted, abs=0.06)
+    assert (speed[-1] - speed[30]) / 0.7 == pytest.approx(asked - slowed(car, speed[30:].mean()), abs=0.06)
 
 
 def test_commands_that_are_accelerations_drive_the_model_as_its_map_says(tmp_path):
-    """A point that speeds up by .8 of what it is sent 0.2 s before, and coasts where that is negative."""
+    """A car that speeds up by .8 of what it is sent 0.2 s before, less what slows it, and coasts at negative ones."""
     time = np.arange(0.0, 8.0, 0.02)
     sent = np.where(np.sin(1.5 * time) > 0.0, 1.0, -1.0)
     late = 0.8 * np.maximum(np.interp(time - 0.2, time, sent), 0.0)
-    speed = 2.0 + np.cumsum(late) * 0.02
+    speed = 2.0 + np.cumsum(late - slowed(CAR, 2.0)) * 0.02  # wheels without damping
     x = np.cumsum(speed) * 0.02
     lines = ["t,v,r,d,a,x,y,yaw"]
     lines += [f"{t:.3f},{v:.5f},0,0,{a:.3f},{p:.5f},0,0" for t, v, a, p in zip(time, speed, sent, x, strict=True)]
