@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..lab.experiment import LabSettings
-from ..lab.lab import EXPERIMENTS, LabProgress, run_lab
+from ..lab.lab import EXPERIMENTS, LabProgress, load_experiment, run_lab
 from ..lab.speed_laws import DEFAULT_LAW, LAWS
 from .command import WORKERS, can_draw, command, number, numbers_in, option, whole
 from .options import NAMES, setup_of, setup_options
@@ -24,14 +24,8 @@ from .progress import study
 _ALL = "all"
 _POINTS = 4  # of a range
 _MOST_POINTS = 1000
-_OF_CIRCLES, _OF_RACES = ("skidpad", "sets", "step", "braking"), ("laps", "mismatch")
-_OF_ONE_SET = tuple(name for name in EXPERIMENTS if name != "sets")
-_ONLY = {
-    "steering": _OF_CIRCLES, "planner_mu": ("mismatch",), **dict.fromkeys(("tires", "floor", "mu"), _OF_ONE_SET),
-    **dict.fromkeys(("track", "laps", "controller", "assist"), _OF_RACES),
-    "law": tuple(name for name in EXPERIMENTS if name != "braking"),
-}  # fmt: skip
-"""Options that some of the experiments take."""
+_ONLY = ("law", "steering", "mu", "tires", "floor", "planner_mu", "track", "laps", "controller", "assist")
+"""Options that some of the experiments take: those that use them."""
 
 
 def _range(text: str) -> tuple[float, ...]:
@@ -78,10 +72,11 @@ def friction_command(options: argparse.Namespace) -> int:
     """Measure up to where a speed law is safe on a car, and why not beyond."""
     names = list(EXPERIMENTS) if options.experiment == _ALL else [options.experiment]
     given = {name: getattr(options, name, None) for name in _ONLY}
-    for name, experiments in _ONLY.items():
-        if given[name] is not None and options.experiment not in (*experiments, _ALL):
+    for name in (each for each in _ONLY if given[each] is not None):
+        taking = (*(each for each in EXPERIMENTS if name in load_experiment(each).uses), _ALL)
+        if options.experiment not in taking:
             said = f"--{name.replace('_', '-')} with {options.experiment}"
-            raise SettingsError(f"{said}; accepted: with {', '.join(experiments)}, or {_ALL}")
+            raise SettingsError(f"{said}; accepted: with {', '.join(taking[:-1])}, or {_ALL}")
     tracks = tuple(given["track"]) if given["track"] else None
     settings = LabSettings(
         entry=setup_of(options, lists=("track", "mu", "planner_mu", "laps")).first, mus=options.mu,

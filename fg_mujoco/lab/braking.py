@@ -16,7 +16,7 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from ..messages import DriveCommand, Odometry
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
-from .experiment import Cell, Experiment, LabSettings, Row, Section, number
+from .experiment import ONE_SET, Cell, Experiment, LabSettings, Row, Section, number
 from .lab_ground import TICK, LabGround
 from .limits import stopping_distance
 from .steady_circle import UnreachableError
@@ -37,6 +37,7 @@ class Braking:
 
     name = "braking"
     title = "Stops straight ahead, and on a circle at half of the grip"
+    uses = ("steering", *ONE_SET)
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each friction and speed straight ahead, and for each friction and steering angle."""

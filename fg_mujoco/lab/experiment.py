@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 STEERINGS = (0.05, 0.1, 0.2, 0.3, 0.4)
 """[rad] Steering angles of circles, up to the car's lock, unless a setting names others."""
 
+ONE_SET = ("mu", "tires", "floor")
+"""Settings of an experiment that drives on one set of tires."""
+
 TOLD = "Told is the friction that the law gets: the least peak of the tires."
 
 _ROLLS = Odometry(
@@ -129,8 +132,8 @@ class LabSettings:
     def described(self) -> dict[str, Any]:
         """Return the settings as JSON has them."""
         numbers = {name: getattr(self, name) for name in ("mus", "planner_mus", "steerings", "tracks", "laps")}
-        planner = {"controller": str(self.entry.controller)}
-        return {"car": self.entry.described() | planner, "law": self.law, "law_sha256": law_sha256(self.law), **numbers}
+        car = self.entry.described() | {"controller": str(self.entry.controller)}
+        return {"car": car, "law": self.law, "law_file_sha256": law_sha256(self.law), **numbers}
 
 
 def _require(name: str, values: Any, greatest: float, accepted: str) -> None:
@@ -160,6 +163,10 @@ class Experiment(Protocol):
 
     name: str  # on the command line, and of its files
     title: str  # of what is printed
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """Settings that it uses besides the car, as options of the command line are called."""
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """Return the whole work, in order; the same for the same settings."""

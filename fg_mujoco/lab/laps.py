@@ -22,7 +22,7 @@ from ..racing.race import race_setup
 from ..racing.result import CarResult
 from ..racing.setup import Setup
 from ..vehicle.tire_slip import share_text
-from .experiment import Cell, Experiment, LabSettings, Row, Section, number
+from .experiment import ONE_SET, Cell, Experiment, LabSettings, Row, Section, number
 from .lap_line import best_flying_lap, driven_lap
 from .lap_time_bound import PointMass, fastest_speeds, lap_time, smooth_line
 from .speed_laws import DEFAULT_LAW, SpeedLaw
@@ -38,6 +38,7 @@ _OF_MISMATCH = ("oval",)
 _LAPS, _LAPS_OF_MISMATCH = 5, 2
 _TOLD = (0.7, 0.85, 1.0, 1.15, 1.3)  # of the tires' friction, unless it is said what planners are told
 _ALONE = "mean_range"  # assist of a planner whose speed a law limits
+_USES = ("law", *ONE_SET, "track", "laps", "controller", "assist")
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,7 @@ class Laps:
 
     name = "laps"
     title = "Laps, and the least time on the same line"
+    uses = _USES
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each friction and circuit."""
@@ -137,6 +139,7 @@ class Mismatch:
 
     name = "mismatch"
     title = "A planner that is told a wrong friction"
+    uses = (*_USES, "planner_mu")
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each circuit, friction of the tires, and friction that is told."""

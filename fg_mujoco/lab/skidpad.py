@@ -18,7 +18,7 @@ from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..vehicle.tire_slip import NO_PEAK
 from ..vehicle.tires import tire_names
-from .experiment import TOLD, Cell, Experiment, LabSettings, Row, Section, number, share_of
+from .experiment import ONE_SET, TOLD, Cell, Experiment, LabSettings, Row, Section, number, share_of
 from .limits import LEAVES, SteadyLimits
 from .steady_circle import CircleReading, NeverError, SteadyCircle, UnreachableError
 
@@ -35,6 +35,7 @@ class Skidpad:
 
     name = "skidpad"
     title = "Steady circles: up to where the law is safe, and why not beyond"
+    uses: tuple[str, ...] = ("law", "steering", *ONE_SET)
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each friction and steering angle; a turn to the right is its mirror image."""
@@ -104,6 +105,7 @@ class Sets(Skidpad):
 
     name = "sets"
     title = "Every set of tires: how fast a circle ends, and what the path keeps of the steered arc"
+    uses = ("law", "steering")
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each set and steering angle."""

@@ -44,7 +44,10 @@ def friction(steering_angle: float, odometry: Odometry, car: CarParameters, mu: 
 
 
 def field_steps(steering_angle: float, odometry: Odometry, car: CarParameters, mu: float) -> float:
-    """Return 1.5, 1.0 or 0.5 m/s: up to 10 degrees, up to 20, and beyond, as the F1TENTH course's lab 3 has it."""
+    """Return 1.5, 1.0 or 0.5 m/s: up to 10 degrees, up to 20, and beyond.
+
+    Source: the F1TENTH course, lab 3, "Wall Following" (README.md of github.com/f1tenth/f1tenth_lab3_template).
+    """
     degrees = math.degrees(abs(steering_angle))
     return 1.5 if degrees <= 10.0 else 1.0 if degrees <= 20.0 else 0.5
 
@@ -66,7 +69,7 @@ LAWS: Registry[Law] = Registry(
     "speed law", SettingsError, "fg_mujoco.speed_laws",
     {DEFAULT_LAW: friction, "field": field_steps, "limiter": limiter},
 )  # fmt: skip
-"""Speed laws by name: the law of the field's notes, the steps of its course, and that of our friction limiter."""
+"""Speed laws by name: the law of kinematics, the steps of the field's course, and that of our friction limiter."""
 
 
 @dataclass(frozen=True)

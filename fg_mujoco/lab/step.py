@@ -18,7 +18,7 @@ from ..messages import DriveCommand, Odometry
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..vehicle.tire_slip import NO_PEAK
-from .experiment import TOLD, Cell, Experiment, LabSettings, Row, Section, number
+from .experiment import ONE_SET, TOLD, Cell, Experiment, LabSettings, Row, Section, number
 from .lab_ground import LabGround
 from .limits import SteadyLimits, approach_limit, turn_in_limit
 
@@ -35,6 +35,7 @@ class Step:
 
     name = "step"
     title = "Steering steps: turning in, and a law that slows the car when it steers"
+    uses = ("law", "steering", *ONE_SET)
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each friction and steering angle."""

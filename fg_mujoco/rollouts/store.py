@@ -166,10 +166,12 @@ class StudyFolder:
                 if isinstance(there, dict) and isinstance(here, dict):  # of many files those that are others
                     both = {key for key in there if key in here and there[key] == here[key]}
                     there, here = ({k: v for k, v in each.items() if k not in both} for each in (there, here))
-                raise RunFolderError(
-                    f"{self.folder}: holds another {self._title}: {name} is {_short(there)} there and {_short(here)} "
-                    "here; accepted: the same settings, or a new or empty folder"
-                )
+                said = f"{name} is {_short(there)} there and {_short(here)} here"
+                if name.endswith("_sha256"):
+                    what = name.removesuffix("_sha256").replace("_", " ")
+                    said = f"the contents of the {what} have changed since then"
+                accepted = "accepted: the same settings, or a new or empty folder"
+                raise RunFolderError(f"{self.folder}: holds another {self._title}: {said}; {accepted}")
 
 
 class Rows(dict[_Key, _Row]):

@@ -17,6 +17,7 @@ BAD = 3  # the cell at which it fails or dies
 class Squares:
     name = "squares"
     title = "Squares of <numbers>"
+    uses = ("mu",)
 
     def cells(self, settings: LabSettings):
         return [{"number": number} for number in range(COUNT)]

@@ -196,7 +196,7 @@ def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
     with pytest.raises(fg.RunFolderError, match='planner_mu is null there and "off" here'):
         compare(GRID[:1], planner_mu=float("inf"))
     monkeypatch.setattr("fg_mujoco.addons.arena.study.store.versions", lambda: {"sources_sha256": "other"})
-    with pytest.raises(fg.RunFolderError, match="sources_sha256 is "):
+    with pytest.raises(fg.RunFolderError, match="contents of the sources have changed"):
         compare(GRID[:1])
     (here / "full").mkdir()
     (here / "full/notes.txt").write_text("mine")
