@@ -187,6 +187,16 @@ def test_names_and_files_on_pages_are_there():
     assert wrong == []
 
 
+def test_benchmarks_faults_are_of_texts_and_tests_that_there_are(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    faults = importlib.import_module("faults")
+    checkout = Path(faults.__file__).resolve().parents[1]  # not the copy in which a fault is made
+    tests = {path.name for path in (checkout / "tests").rglob("*")}
+    for name, fault in faults.FAULTS.items():
+        assert (checkout / fault.file).read_text("utf-8").count(fault.old) == 1, name
+        assert tests.issuperset(fault.tests.split()), name
+
+
 def test_tables_of_figures_are_those_of_the_file(tables):
     figures = json.loads((DOCS / "figures.json").read_text("utf-8"))
     marked = set()
