@@ -81,7 +81,7 @@ class Grip:
 def limited_grip(limiter: FrictionLimiter, max_speed: float, cornering_use: float, braking_use: float) -> Grip:
     """Return shares of what a friction limiter allows, up to a speed [m/s], as a grip; arguments as of `line_table`."""
     car, lateral = limiter.car, cornering_use * limiter.lateral
-    used = np.linspace(0.0, lateral, _ENTRIES) / (limiter.mu * car.gravity)
+    used = np.linspace(0.0, lateral, _ENTRIES) / (limiter.record["mu"][0] * car.gravity)
     shares = [[longitudinal_share(limiter.record[0], use, way) for use in used.tolist()] for way in (False, True)]
     accelerating, braking = braking_use * np.array(shares)
     return Grip(

@@ -5,8 +5,8 @@
     line.write("oval_raceline.csv")
 
 Walls are those of the circuit, with its islands, and the obstacles that the setup puts there. Each obstacle is passed
-on the side that has more room. The speeds are the fastest quasi-steady ones by the grip of the car with two tracks, and
-the lap time is their bound, and not a prediction (`lab.lap_time_bound`).
+on the side that has more room. The speeds are the fastest quasi-steady ones by all the grip that the friction limiter
+finds, and the lap time is their bound, and not a prediction (`lab.lap_time_bound`).
 
 The file has the columns of TUM's optimiser, `s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2`, as `pure_pursuit`
 and the community's planners read it. The line is that of the rear axle, and its last row repeats the first place.
@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, FrictionLimiterSettings
 from fg_mujoco.course.clearance import clearances
 from fg_mujoco.course.course import Course, outline
 from fg_mujoco.course.line_file import raceline_text
@@ -32,11 +33,11 @@ from fg_mujoco.display import brief, quoted
 from fg_mujoco.errors import SettingsError, TrackError, accepted_names
 from fg_mujoco.lab.lap_time_bound import fastest_speeds, lap_time, smooth_line
 from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
 
-from ..line_optimizer import Grip, Objective, Walls, optimize_line
-from .grip import acceleration_left, double_track_grip
+from ..line_optimizer import Grip, Objective, Walls, limited_grip, optimize_line
 
 OBJECTIVES = ("time", "curvature")
 MARGIN = 0.1
@@ -49,6 +50,7 @@ _TOLERANCE = 0.002  # [m] of the smoothed line, of which curvature and speeds ar
 _ROW = 0.1  # [m] from one row of the file to the next
 _BLOCK = 200  # points of a line, whose clearance is found at once
 _TOUCHES = 0.01  # [m] of the least clearance
+_ALL = FrictionLimiterSettings(lateral_use=1.0, braking_use=1.0, accelerating_use=1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,6 +86,12 @@ class GripLimits:
         place = lateral / self.grip.lateral * (len(table) - 1)
         at = int(place)
         return table[at] + (place - at) * (table[at + 1] - table[at]) if at < len(table) - 1 else 0.0
+
+
+def acceleration_left(grip: Grip, lateral: FloatArray, *, braking: bool) -> FloatArray:
+    """Return the greatest acceleration ahead, or back, at lateral accelerations (n,) [m/s^2]; 0 beyond the greatest."""
+    table = grip.braking if braking else grip.accelerating
+    return np.asarray(np.interp(np.abs(lateral), np.linspace(0.0, grip.lateral, len(table)), table, right=0.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -190,7 +198,7 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
     if course.length > LONGEST:
         raise TrackError(f"track {course.name!r} is {course.length:.0f} m long; accepted: up to {LONGEST:g} m")
     course.check_car(car)
-    grip = double_track_grip(setup.first)
+    grip = _grip_of(setup.first, course)
     walls = walls_of(course, ground.boxes, car, margin)
     found = optimize_line(course.centreline, walls, car, grip, margin=margin, objective=objective)
     line = smooth_line(_from_start(found.points, course), _TOLERANCE)
@@ -209,6 +217,12 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
         accelerations=0.5 * (np.roll(speeds, -1) ** 2 - speeds**2) / line.steps, lap_time=lap_time(line, speeds),
         clearance=float(clear.min()),
     )  # fmt: skip
+
+
+def _grip_of(entry: Entry, course: Course) -> Grip:
+    """Return all that a car has by what a planner knows of it, up to its greatest commanded speed."""
+    car, mu = entry.world(course).car.parameters, entry.car.reliable_mu(entry.tire_set, entry.all_changes.mu)
+    return limited_grip(FrictionLimiter(car, mu, _ALL), min(float(entry.max_speed), car.max_speed), 1.0, 1.0)
 
 
 def _clearances(poses: FloatArray, standing: FloatArray, car: CarParameters, reach: float) -> FloatArray:

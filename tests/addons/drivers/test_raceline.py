@@ -12,14 +12,12 @@ from fg_mujoco.addons.drivers import line_optimizer
 from fg_mujoco.addons.drivers.line_optimizer import Grip, Walls, optimize_line, spread
 from fg_mujoco.addons.drivers.line_profile import read_line
 from fg_mujoco.addons.drivers.racelines import raceline
-from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.clearance import clearances
 from fg_mujoco.course.course import outline
 from fg_mujoco.errors import TrackError
 from fg_mujoco.lab.lap_time_bound import PointMass, fastest_speeds, lap_time, smooth_line
-from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -71,16 +69,6 @@ def test_fastest_line_of_a_ring_is_at_its_inner_wall(direction):
     radius = 4.0 + 0.5 * CAR.width + 0.1
     assert np.hypot(*found.points.T) == pytest.approx(radius, abs=0.005)
     assert found.lap_time == pytest.approx(2.0 * math.pi * math.sqrt(radius / 8.0), rel=2e-3)
-
-
-def test_grip_straight_ahead_and_in_a_steady_corner_is_the_closed_form():
-    """The lighter axle lets go at g (l / b) / (h / b + 1 / (2 mu)); all tires of one friction hold mu g aside."""
-    grip = double_track_grip(Entry(mu=MU, tires="coulomb"))
-    b, h = CAR.wheelbase, CAR.center_of_gravity_height
-    for found, lever in ((grip.accelerating, CAR.rear_axle_distance), (grip.braking, CAR.front_axle_distance)):
-        assert found[0] == pytest.approx(CAR.gravity * lever / b / (h / b + 0.5 / MU), rel=1e-6)
-        assert (np.diff(found) <= 1e-9).all() and found[-1] == pytest.approx(0.0, abs=0.05)
-    assert grip.lateral == pytest.approx(MU * CAR.gravity, rel=1e-6)
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason="the shared circuits are not here")
