@@ -7,8 +7,9 @@ speed) / speed_time_constant, and so less from physics step to physics step whil
 is the wheel speed, and what makes the mean over the time that it is held the acceleration.
 
 In the gym's single-track model wheels do not slip along their heading, and tires that slide sideways do not slow the
-car down. Linear tires do both. For them the controller reads the speed over the ground, as the gym's does, and adds
-what was missing from the acceleration that it asked for before.
+car down, nor does its rolling, which is made up for as the car's parameters tell it. Linear tires do both. For them the
+controller reads the speed over the ground, as the gym's does, and adds what was missing from the acceleration that it
+asked for before.
 
 Source: CommonRoad's vehicle models (Althoff and Wuersching), and the controller of f1tenth_gym written anew from its
 documented gains.
@@ -55,7 +56,10 @@ class SpeedController:
           ground_speed: of the centre of gravity, negative where the car goes back [m/s].
         """
         if not self._over_ground:
-            return wheel_speed + self._reach * self._acceleration(wanted, wheel_speed)
+            car, asked = self._car, self._acceleration(wanted, wheel_speed)
+            if wheel_speed >= (0.0 if asked > 0.0 else _LEAST_SPEED):
+                asked += car.rolling_resistance + car.rolling_damping * wheel_speed
+            return wheel_speed + self._reach * asked
         if abs(ground_speed) < _LEAST_SPEED or math.isnan(self._before):
             self._added = 0.0
         else:

@@ -113,13 +113,14 @@ def _area(line):
     return 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
 
 
-def test_forces_of_a_car_at_rest_can_carry_mu_times_its_weight(lap, scenery):
+def test_forces_of_a_car_at_rest_can_carry_the_peak_of_its_axles(lap, scenery):
     data = mujoco.MjData(scenery)
     mujoco.mj_setState(scenery, data, lap.states[0], STATE)
     TireForces(copy(scenery), CAR_PREFIX).forward(data)
     forces = TireForceMeter(scenery).read(data)
-    weight = lap.world.parameters.mass * lap.world.parameters.gravity
-    assert forces.limit.sum() == pytest.approx(lap.car.mu * weight, rel=0.03)
+    car = lap.world.parameters
+    peak = (car.front_peak * car.rear_axle_distance + car.rear_peak * car.front_axle_distance) / car.wheelbase
+    assert forces.limit.sum() == pytest.approx(peak * car.mass * car.gravity, rel=0.03)
 
 
 def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "tutorial.ipynb"
 if not NOTEBOOK.exists():
@@ -91,7 +92,7 @@ def test_the_second_planner_laps(ran):
     second = names["second"]
     assert second.car.finished and second.car.collisions_wall == 0 and second.car.laps_completed == 2
     assert "no collision" in values["race-second"]._repr_html_()
-    assert 0.2 < second.car.slide_time_fraction < 0.3  # "about a quarter"
+    assert 0.15 < second.car.slide_time_fraction < 0.25  # "about a fifth"
 
 
 def test_the_comparison_is_as_the_text_says(ran):
@@ -99,14 +100,19 @@ def test_the_comparison_is_as_the_text_says(ran):
     assert all(cells["gap_finder", course]["successes"] == 1 for course in ("oval", "chicanes", "hairpins"))
     mine = {course: cell["successes"] for (planner, course), cell in cells.items() if "Deepest" in planner}
     assert mine == {"oval": 1, "chicanes": 1, "hairpins": 0}
-    for course in ("oval", "chicanes"):
-        assert cells["my_planner.py:Deepest", course]["best_lap_s"] < cells["gap_finder", course]["best_lap_s"]
+    for course, faster in (("oval", False), ("chicanes", True)):
+        mine, other = (cells[planner, course]["best_lap_s"] for planner in ("my_planner.py:Deepest", "gap_finder"))
+        assert (mine < other) == faster
 
 
 def test_friction_does_what_the_text_says(ran):
     names, printed, _ = ran
     assert [", hit the " in line for line in printed["slippery"]] == [True, True]
     honest = names["honest"]
-    assert honest.car.finished and honest.car.mu == honest.car.planner_mu == 0.5
+    car = Vehicle.load("f1tenth").parameters
+    assert honest.car.finished and honest.car.mu == 0.5
+    assert honest.car.planner_mu == pytest.approx(
+        0.5 * min(car.front_peak, car.rear_peak) / max(car.front_peak, car.rear_peak)
+    )
     dry = fg.race(names["track"], "gap_finder", laps=2)
     assert f"{dry.car.mu:.2f}" == "1.05" and dry.car.mean_speed_m_s > honest.car.mean_speed_m_s

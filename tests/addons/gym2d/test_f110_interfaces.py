@@ -75,7 +75,7 @@ def test_cornering_stiffnesses_are_those_of_linear_tires():
 
 @each("acceleration", [2.0, 5.0])
 def test_the_car_accelerates_as_its_parameters_say(acceleration, drawn):
-    env = f110.make(map=str(drawn), params={**F1TENTH, "a_max": acceleration})
+    env = f110.make(map=str(drawn), tires="coulomb", params={**F1TENTH, "a_max": acceleration})
     env.reset(POSE)
     for _ in range(10):
         obs, *_ = env.step(np.array([[0.0, 20.0]]))
@@ -227,7 +227,7 @@ def test_a_reset_of_the_later_releases_puts_cars_as_far_apart_as_asked_or_at_sta
 
     places = config.ResetConfig(reference_line=config.ReferenceLine.CENTERLINE, min_dist=4.0, max_dist=5.0,
                                 move_laterally=False, shuffle=False)  # fmt: skip
-    env = later(num_agents=2, reset_config=places, lidar_config=config.LiDARConfig(noise_std=0.0))
+    env = later("coulomb", num_agents=2, reset_config=places, lidar_config=config.LiDARConfig(noise_std=0.0))
     env.reset(seed=1)
     frenet = env.sim.state.frenet
     assert 4.0 <= frenet[1, 0] - frenet[0, 0] <= 5.0 and np.abs(frenet[:, 1:]).max() < 1e-3
@@ -361,14 +361,14 @@ def test_a_scaled_map_has_no_image_outside_of_its_folder(drawn):
         f110.make("f1tenth-v0", config={"map": str(file.parent / "maps/mine"), "scale": 2.0, "num_agents": 1})
 
 
-def later(**parts):
+def later(tires=None, **parts):
     """An environment of an EnvConfig on the oval, with observations by car."""
     from fg_mujoco.addons.gym2d import gym_config as config
 
     seen = config.ObservationConfig(type=config.ObservationType.KINEMATIC_STATE)
     simulated = config.SimulationConfig(max_laps=None, timestep=0.02)
     settings = {"map_name": "oval", "simulation_config": simulated, "observation_config": seen} | parts
-    return f110.make("f1tenth-v0", config=config.EnvConfig(**settings))
+    return f110.make("f1tenth-v0", config=config.EnvConfig(**settings), tires=tires)
 
 
 def test_wrappers_of_the_later_releases_make_one_car_of_it_and_old_observations():

@@ -115,11 +115,11 @@ def lateral(course, speed):
 
 
 @pytest.mark.slow
-@each("course, tires", [("oval", "f1tenth_gym"), ("chicanes", None)])
-def test_within_grip_a_planner_laps_in_the_time_of_the_gym(course, tires):
+@each("course, tires, slack", [("oval", "f1tenth_gym", 0.005), ("chicanes", "coulomb", 0.005), ("oval", None, 0.007)])
+def test_within_grip_a_planner_laps_in_the_time_of_the_gym(course, tires, slack):
     assert lateral(course, 3.0) < 0.5
     ours, theirs = driven(course, 3.0, tires=tires)
-    np.testing.assert_allclose(ours, theirs, rtol=0.005)
+    np.testing.assert_allclose(ours, theirs, rtol=slack)
 
 
 @pytest.mark.slow
