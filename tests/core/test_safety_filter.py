@@ -97,7 +97,10 @@ def bend(radius, aside):
     return ranges
 
 
-@each(("ranges", "use"), [(np.full(BEAMS, 30.0), 0.0), (bend(3.0, 2.5), 0.0), (bend(3.0, 0.7), -1.0)])
+BENDS = [(np.full(BEAMS, 30.0), 0.0), (bend(3.0, 2.5), 0.0), (bend(3.0, 0.9), 0.25), (bend(3.0, 0.5), -1.0)]
+
+
+@each(("ranges", "use"), BENDS)
 def test_a_car_that_brakes_corners_only_as_far_as_the_walls_make_it(ranges, use):
     row = np.array([record_values(for_car(SafetyFilterSettings(), CAR))], record_type(SafetyFilterSettings))
     memory = np.zeros(1, LIMITER_MEMORY)

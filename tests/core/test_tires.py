@@ -340,6 +340,7 @@ def test_a_law_in_a_file_drives_races_rollouts_and_replays_which_run_none_of_its
         ("lambda self: self.D)", "lambda self: 0.8)", r"the peak is 0.8 .* and greatest, 0.9, at 0.199; acc"),
         ("lambda self: self.D)", "lambda self: [1])", r"peak fails: TypeError"),
         ("peak_slip = 0.2", "peak_slip = math.inf", r"it has no peak, but its force falls past a slip of 0.199"),
+        ("lambda self: self.D)", "lambda self: 4.5)", r"peak, the friction that planners assume, is 4.5; .* 0.9, the"),
         ("/ 0.4)", "/ 0.3)", r"slope is 9.42478, but the force has 7.069 per rad"),
         ("self.D * math.sin", "(slip > 0.25 and 0.2) + self.D * math.sin", r"force\(0.25.*\) is .*; accepted: finite"),
         ("self.D * math.sin(", "(abs(slip) < 0.25) * self.D * math.sin(", r"the force jumps at a slip of 0.2"),

@@ -26,6 +26,7 @@ CELLS = 96
 
 _REACH, _PEAK, _PEAK_SLIP, _NODES = range(4)
 _SIZE = _NODES + 2 * (CELLS + 1)
+_MOST = 3.0  # [-] peak, which no such tire reaches
 _NEAR = 0.01  # of the peak, or of the slope: how far what a law says of itself, or its table, may be off
 _SMALL = 1e-7  # [-] slip at which the slope at none is measured
 _STEP = 1e-4  # of a cell, for the rise at a node
@@ -169,7 +170,10 @@ def _check(law: Law, forces: FloatArray, reach: float, told: tuple[float, float,
     if not abs(found - slope) <= _NEAR * slope:
         raise SettingsError(f"{where}: slope is {slope:g}, but the force has {found:.4g} per rad; accepted: that")
     greatest, at = float(forces[top]), reach * (top / (len(forces) - 1)) ** 2
-    if math.isinf(peak_slip):
+    if math.isinf(peak_slip) or peak > _MOST:
+        if peak > min((1.0 + _NEAR) * greatest, _MOST):
+            most = f"up to {min(greatest, _MOST):.4g}, the greatest force, or 3, which no such tire reaches"
+            raise SettingsError(f"{where}: peak, the friction that planners assume, is {peak:g}; accepted: {most}")
         if forces[-1] < (1.0 - _NEAR) * greatest:
             raise SettingsError(f"{where}: it has no peak, but its force falls past a slip of {at:.3g}; accepted: one")
         return

@@ -244,7 +244,7 @@ def test_a_car_stands_where_a_reset_has_put_it(heading, tires, drawn):
     for _ in range(50):
         for name, wanted in zip(("poses_x", "poses_y", "poses_theta"), pose, strict=True):
             assert observation[name][0] == pytest.approx(wanted, abs=1e-10)
-        assert abs(observation["linear_vels_x"][0]) < 1e-8
+        assert abs(observation["linear_vels_x"][0]) < 1e-9  # a wound-up shaft relaxes: .3 nm/s
         observation = env.step(np.zeros((1, 2)))[0]
 
 
