@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -65,29 +65,13 @@ class MagicFormula(Law):
         """Force over the load for each rad of slip, at none [1/rad]."""
         return self.D * self.B * self.C
 
-    @cached_property
+    @property
     def peak_slip(self) -> float:
         """Slip of the peak [rad or -].
 
         Where the curve does not fall up to GREATEST_SLIP, this is where it reaches 0.99 of its force there.
         """
-        grid = np.arange(0.0, GREATEST_SLIP + 0.5 * _STEP, _STEP)
-        values = [self._formula(slip) for slip in grid.tolist()]
-        top = next((i for i in range(1, len(grid) - 1) if values[i + 1] < values[i]), None)
-        if top is None:
-            low, high = 0.0, GREATEST_SLIP
-            while high - low > 1e-12:
-                middle = 0.5 * (low + high)
-                low, high = (middle, high) if self._formula(middle) < _NEAR_PEAK * values[-1] else (low, middle)
-            return high
-        low, high = grid[top] - _STEP, grid[top] + _STEP
-        for _ in range(100):
-            third = (high - low) / 3.0
-            if self._formula(low + third) < self._formula(high - third):
-                low += third
-            else:
-                high -= third
-        return float(0.5 * (low + high))
+        return _peak_slip(self)
 
     @property
     def falls(self) -> bool:
@@ -123,6 +107,28 @@ class MagicFormula(Law):
     def _formula(self, slip: float) -> float:
         x = self.B * slip
         return self.D * math.sin(self.C * math.atan(x - self.E * (x - math.atan(x))))
+
+
+@lru_cache(maxsize=256)  # a scan of the whole curve, of which each world reads one some twenty times
+def _peak_slip(curve: MagicFormula) -> float:
+    """Return the slip of the peak of a curve [rad or -]."""
+    grid = np.arange(0.0, GREATEST_SLIP + 0.5 * _STEP, _STEP)
+    values = [curve._formula(slip) for slip in grid.tolist()]
+    top = next((i for i in range(1, len(grid) - 1) if values[i + 1] < values[i]), None)
+    if top is None:
+        low, high = 0.0, GREATEST_SLIP
+        while high - low > 1e-12:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if curve._formula(middle) < _NEAR_PEAK * values[-1] else (low, middle)
+        return high
+    low, high = grid[top] - _STEP, grid[top] + _STEP
+    for _ in range(100):
+        third = (high - low) / 3.0
+        if curve._formula(low + third) < curve._formula(high - third):
+            low += third
+        else:
+            high -= third
+    return float(0.5 * (low + high))
 
 
 @kernel
