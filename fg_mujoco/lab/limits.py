@@ -1,247 +1,238 @@
-"""Closed forms of where a speed law ends: grip, wheel lift, understeer, turning in, and the steering's rate.
+"""Where a steady circle ends for a rigid car: what the lab puts beside the speeds that it measures.
 
-    steady = SteadyLimits.of(car, tires, mu=0.7, steering=0.1)
-    steady.grip, steady.leaves_arc, steady.curvature_at(3.0)
+    steady = SteadyLimits.of(ground, mu=0.7, steering=0.1)
+    steady.slides, steady.leaves_arc, steady.curvature_at(3.0)
 
-A rigid car on four wheels runs on a steady circle, by Newton and by its tires' law. At a lateral acceleration a of the
-rear axle, on a circle of curvature k:
+A car runs on a circle at a speed. Unknown are the slip angle of its rear axle, the curvature of its path, the slip
+ratios of its wheels, and the forces of its drive line; as many balances say what they are:
 
-- the centre of gravity, lr ahead of the rear axle, needs m a (lr k - sin s_r) pointing backwards besides m a cos s_r
-  across. The tires push across their own heading, and all four drive alike with what the front ones hold back. Where a
-  shaft ties the axles, the front wheels, whose way is longer, are held back by the rear ones besides;
-- load moves to the outer wheels by a h / w and, by the backward part, to the front axle; the outer front tire carries
-  more and holds its side back; a tire that carries more has less force over its load, by its load sensitivity;
-- each axle has the slip angle of its force over its load, s_f and s_r, and the path of the rear axle the curvature
-  (tan(d - s_f) + tan s_r) cos s_r / b.
+- the tires push the car as its mass on its circle and its drag need it, and do not turn it. Load moves to the outer
+  wheels, by the height of the centre of gravity, by the wheels as gyroscopes, and because the car leans, and to the
+  front axle by the backward part of the acceleration;
+- a wheel gets from the drive line what its tire, its rolling resistance and the damping of its joint take;
+- a shaft or a locked axle makes spins alike, and a clutch holds them as far as its torque goes (`drive_line`).
 
-So each a has a speed, v^2 = a / k, and all steady limits are read off one curve.
+Each tire has its own slip angle and slip ratio, and the force of its law at the slip of both (`tire_patch`). Where
+there is no solution any more the car spins. What the car lacks is all that is not steady, and that it pitches and
+leans on its springs, but for the load that moves.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from fg_mujoco.controllers.control.speed import friction_speed, lifting_share
+from fg_mujoco.controllers.control.speed import friction_speed
 
 from ..messages import CarParameters, FloatArray
-from ..vehicle.tires import AxleTires, Tires
+from ..vehicle.tire_rows import gear_row
+from ..vehicle.tire_slip import BRISTLES_SLIDE
+from ..vehicle.tires import tires_of
+from .lab_ground import LabGround
 
 LEAVES = 0.05
 """[-] Of the curvature of the steered arc: a path that differs by more has left it."""
 
-_POINTS = 600  # of the curve
-_MOST = 2.0  # [-] greatest lateral acceleration over g, of tires without a peak
-_SLIPS = 2000  # of the table of an axle's slip angles
-_GREATEST_SLIP = 0.5  # [rad] of that table, of tires without a peak
+LOW, HIGH = 0.1, 1.6
+"""[-] Of the kinematic law's speed: what is looked at."""
+
+_STRIDE, _LEAST_STRIDE = 0.025, 2e-4  # of that speed: from one solution to the next
+_TURN = 0.02  # [rad] of steering, from one solution to the next on the way to the first
+_JUMP = 0.3  # of the curvature: two solutions that are farther apart do not belong together
+_ROUNDS, _LEAST_SHARE, _EXACT = 40, 1e-3, 1e-9  # of Newton's method; residuals are over the weight
+_STEP = 1e-7  # of its finite differences
+_SLIPS = 1e-3  # [-] slip between two wheels at which a clutch has nearly all of its torque
+_LEAST_LOAD = 1e-3  # of the weight, which a wheel that has lifted keeps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SteadyLimits:
     """A rigid car on steady circles of one steering angle. Speeds are those of the rear axle [m/s].
 
-    A limit that the car does not meet is infinite, and NaN where its tires have nothing to tell it by.
+    A limit that the car does not meet up to HIGH is infinite. All is NaN for the model `contact`, whose creep is
+    MuJoCo's, and `slides` for tires without a peak.
     """
 
     speed: FloatArray  # (n,) rising
     curvature: FloatArray  # (n,) [-] of the path over that of the steered arc
-    front_slip: FloatArray  # (n,) [rad] slip angle of the front axle
-    grip: float  # an axle is at its tires' peak; NaN: they have none
-    spins: float  # the car turns in by itself: the speed of the curve does not rise any more
+    slides: float  # a tire slides, as the slip meter says, or the car spins
     lifts: float  # a wheel has no load left
-    leaves_arc: float  # the path differs from the steered arc by LEAVES
+    leaves_arc: float  # the path differs from the steered arc by LEAVES, or the car spins
 
     @classmethod
-    def of(cls, car: CarParameters, tires: Tires, mu: float, steering: float) -> SteadyLimits:
-        """Return the limits of a car at a steering angle [rad]; `mu` is the friction, or the greatest peak, as set."""
-        steering = abs(steering)
-        front, rear = (_Axle(axle, tires, mu) for axle in _axles(tires))
-        peaks = [axle.peak for axle in (front, rear) if math.isfinite(axle.peak)]
-        lateral = np.linspace(0.0, 1.1 * max(peaks, default=_MOST / 1.1), _POINTS)[1:]
-        wound = 0.0  # [N] by which a shaft holds the front axle back
-        slips, uses, curvature = np.zeros((2, len(lateral))), np.zeros((2, len(lateral))), np.ones(len(lateral))
-        for at, share in enumerate(lateral.tolist()):
-            motion = float(curvature[max(at - 1, 0)]), float(slips[1, max(at - 1, 0)])
-            loads = tire_loads(share, steering, car, *motion)
-            front_force, rear_force, drive = axle_forces(share, steering, car, *motion, wound=wound)
-            slip, ratio, front_slope = front.slips(front_force, 0.5 * drive - wound, loads[:2])
-            rear_slip, rear_ratio, rear_slope = rear.slips(rear_force, 0.5 * drive + wound, loads[2:])
-            steered, ahead = math.tan(steering), math.tan(steering - slip)
-            if car.shaft:
-                longer = math.cos(slip) * math.cos(rear_slip) / math.cos(steering - slip) - 1.0
-                wound = 0.5 * (wound + longer / (1.0 / front_slope + 1.0 / rear_slope))
-            curvature[at] = max((ahead + math.tan(rear_slip)) * math.cos(rear_slip) / steered, 1e-3)
-            slips[:, at] = slip, rear_slip
-            inside = 0.5 * car.track_width * steered / car.wheelbase  # the inner wheels are this much slower
-            bent = 1.0 - inside * float(curvature[at])
-            turned = math.atan(steered / (1.0 - inside)) - math.atan(ahead / bent)
-            uses[0, at] = front.use(turned, ratio, front_force, loads[:2])
-            uses[1, at] = rear.use(math.atan(math.tan(rear_slip) / bent), rear_ratio, rear_force, loads[2:])
-        speed = np.sqrt(lateral * car.gravity * car.wheelbase / (curvature * math.tan(steering)))
-        ends = np.flatnonzero(uses.max(axis=0) >= 1.0)
-        turns = np.flatnonzero(np.diff(speed) <= 0.0)
-        end, turn = (int(found[0]) if len(found) else len(speed) - 1 for found in (ends, turns))
-        last = min(end, turn) + 1
-        away = np.flatnonzero(np.abs(curvature[:last] - 1.0) > LEAVES)
-        grip = math.nan if not peaks else float(speed[end]) if len(ends) and end <= turn else math.inf
-        left = float(speed[away[0]]) if len(away) else math.inf
-        spins = float(speed[turn]) if len(turns) and turn < end else math.inf
-        if not len(away) and grip < math.inf:  # sliding, the curvature falls with the square of the speed
-            left = grip * math.sqrt(float(curvature[end]) / (1.0 - LEAVES))
-        lift = friction_speed(steering, lifting_share(car, steering), car.wheelbase, car.gravity)
-        at_lift = float(np.interp(lift, speed[:last], curvature[:last]))
+    def of(cls, ground: LabGround, mu: float, steering: float) -> SteadyLimits:
+        """Return the limits of a car at a steering angle [rad]; `mu` is what the kinematic law is told [-]."""
+        parameters = ground.car.parameters
+        law = friction_speed(steering, mu, parameters.wheelbase, parameters.gravity)
+        car = _RigidCar(ground, abs(steering)) if len(ground.forces.rows) else None
+        now = None if car is None else car.begin(LOW * law)
+        if car is None or now is None:
+            nothing = np.full(1, math.nan)
+            return cls(speed=nothing, curvature=nothing, slides=math.nan, lifts=math.nan, leaves_arc=math.nan)
+        share, stride, change, found = LOW, _STRIDE, np.zeros_like(now), [car.told(now, LOW * law)]
+        while share < HIGH and stride > _LEAST_STRIDE:
+            after = min(share + stride, HIGH)
+            ahead = car.solve(now + change * (after - share), after * law)
+            if ahead is None or abs(ahead[1] - now[1]) > _JUMP * max(now[1], LOW):
+                stride *= 0.5
+                continue
+            share, now, change = after, ahead, (ahead - now) / (after - share)
+            stride = min(2.0 * stride, _STRIDE)
+            found.append(car.told(now, share * law))
+        speed, curvature, sliding, least_load = np.array(found).T
+        spins = math.inf if share >= HIGH else float(speed[-1])
+        away = np.abs(curvature - 1.0) - LEAVES
         return cls(
-            speed=speed[:last], curvature=curvature[:last], front_slip=slips[0, :last], grip=grip, spins=spins,
-            lifts=lift / math.sqrt(at_lift), leaves_arc=min(left, spins),
+            speed=speed, curvature=curvature, slides=min(_first(speed, sliding), spins) if car.has_peak else math.nan,
+            lifts=_first(speed, -least_load), leaves_arc=min(_first(speed, away), spins),
         )  # fmt: skip
 
     def curvature_at(self, speed: float) -> float:
-        """Return the curvature at a speed [m/s] over that of the steered arc [-]; NaN of a car that spins before."""
-        if speed > self.speed[-1]:  # sliding, with the same lateral acceleration
-            return float(self.curvature[-1] * (self.speed[-1] / speed) ** 2) if self.grip < math.inf else math.nan
-        return float(np.interp(speed, self.speed, self.curvature))
+        """Return the curvature at a speed [m/s] over that of the steered arc [-]; NaN of one beyond the last."""
+        return math.nan if speed > self.speed[-1] else float(np.interp(speed, self.speed, self.curvature))
 
 
-class _Axle:
-    """The slip angle of an axle by its force over its load, up to its tires' peak."""
-
-    def __init__(self, axle: AxleTires | None, tires: Tires, mu: float) -> None:
-        self._tires, self.peak = axle, mu
-        if axle is not None:
-            scale = 1.0 if tires.peak is None else mu / tires.peak
-            self.peak = scale * axle.lateral.peak if axle.lateral.has_peak else math.inf
-            greatest = axle.lateral.peak_slip if axle.lateral.has_peak else _GREATEST_SLIP
-            self._slips = np.linspace(0.0, greatest, _SLIPS)
-            self._forces = scale * np.array([axle.lateral.force(slip) for slip in self._slips.tolist()])
-
-    def over_load(self, force: float, loads: FloatArray) -> float:
-        """Return a force [N] over the load of the axle, and over what its tires' load sensitivity leaves."""
-        tires, own = self._tires, [load for load in loads.tolist() if load > 0.0]
-        weighted = math.fsum(load * (1.0 if tires is None else tires.load_factor(load)) for load in own)
-        return force / weighted
-
-    def slips(self, across: float, along: float, loads: FloatArray) -> tuple[float, float, float]:
-        """Return the slip angle [rad] of the axle, the slip ratio of its lighter tire [-], and its force over slip [N].
-
-        Both tires drive alike.
-        """
-        force = math.hypot(across, along)
-        if self._tires is None:  # MuJoCo's contacts creep, but hold without a slip angle
-            return 0.0, 0.0, 1e-9
-        size = float(np.interp(self.over_load(force, loads), self._forces, self._slips))
-        light = 0.5 * float(loads.sum()) / max(float(loads.min()), 1e-9)
-        held = min(force, force * self.peak / max(self.over_load(force, loads), 1e-9))
-        return across / force * size, along / force * size * light, max(held / max(size, 1e-9), 1e-9)
-
-    def use(self, angle: float, ratio: float, force: float, loads: FloatArray) -> float:
-        """Return the slip of a tire over that of its peak, or the axle's force over its peak, which is greater.
-
-        A tire of bristles that is bent to its end does not slide by more than `BRISTLES_SLIDE` while the axle holds.
-        """
-        used = self.over_load(force, loads) / self.peak
-        if self._tires is None or self._tires.lateral.holds:
-            return used
-        return max(math.hypot(angle, ratio) / float(self._slips[-1]), used)
+def _first(speed: FloatArray, margin: FloatArray) -> float:
+    """Return the speed from which on a margin is positive, straight between two; infinite: it never is."""
+    over = np.flatnonzero(margin > 0.0)
+    if not len(over):
+        return math.inf
+    ends = slice(max(int(over[0]) - 1, 0), int(over[0]) + 1)
+    return float(np.interp(0.0, margin[ends], speed[ends]))
 
 
-def _axles(tires: Tires) -> tuple[AxleTires | None, AxleTires | None]:
-    return (None, None) if tires.is_contact else tires.axles
+class _Wheels(NamedTuple):
+    """What the wheels do, (4,) in the order of WHEELS, and the centre of gravity, (2,) forward and to the left."""
+
+    along: FloatArray  # [N] force of the tire along its heading
+    across: FloatArray  # [N] to its left
+    load: FloatArray  # [N] negative: the wheel would lift
+    surface: FloatArray  # [m/s] of the tire
+    size: FloatArray  # [-] of the slip over that of the peak
+    slip_speed: FloatArray  # [m/s]
+    velocity: FloatArray
+    acceleration: FloatArray
 
 
-def tire_loads(
-    lateral: float, steering: float, car: CarParameters, curvature: float = 1.0, rear_slip: float = 0.0
-) -> FloatArray:
-    """Return the loads of a rigid car's tires on a steady circle, in the order of WHEELS. Shape (4,) [N].
+class _RigidCar:
+    """A car in equilibrium on a circle to the left: see the module."""
 
-    Moments about the axles and about the middle of the car, both axles rolling alike. 0 where a wheel would lift; what
-    is left to the other one is then wrong by as much.
+    def __init__(self, ground: LabGround, steering: float) -> None:
+        car, model = ground.car.parameters, ground.model
+        self._car, self._tires, self._mu, self._steering = car, ground.forces.rows, ground.forces.mu, steering
+        self._laws = [axle for axle in tires_of(model).axles for _ in range(2)]
+        self.has_peak = bool(self._tires["slides"].all())
+        self._weight = car.mass * car.gravity
+        self._x = np.repeat([car.front_axle_distance, -car.rear_axle_distance], 2)
+        self._y = 0.5 * car.track_width * np.array([1.0, -1.0, 1.0, -1.0])
+        springs = [model.jnt_stiffness[model.dof_jntid[tire["chain"][: tire["own_links"]]]] for tire in self._tires]
+        gives = [(1.0 / own[own > 0.0]).sum() for own in springs] + 1.0 / self._tires["vertical_stiffness"]
+        self._roll = self._y / gives  # [N] of the load of each, for a lean of 1 rad
+        gear = gear_row(model)[0]
+        share = gear["share"][:, : gear["lanes"]]
+        self._share = share / np.abs(share).max(axis=0)  # of each force of the drive line, in those on the wheels
+        self._ties, self._preload, self._ramp = (gear[name][1 : gear["lanes"]] for name in ("give", "preload", "ramp"))
+        self._drag, self._damping = float(gear["drag"]), model.dof_damping[gear["spin_dof"]]
+        self._steer(steering)
 
-    Args:
-      lateral: acceleration of the rear axle over g [-].
-      steering: angle, left positive [rad].
-      car: parameters.
-      curvature: of the path over that of the steered arc [-].
-      rear_slip: slip angle of the rear axle, without sign [rad].
-    """
-    across = lateral * car.gravity * math.cos(rear_slip)
-    backwards = -lateral * car.gravity * _along(steering, car, curvature, rear_slip)
-    levers = np.array([car.rear_axle_distance, car.front_axle_distance])
-    pitch = backwards * car.center_of_gravity_height * np.array([1.0, -1.0])
-    axles = car.mass * (car.gravity * levers + pitch) / car.wheelbase
-    height = car.center_of_gravity_height + 4.0 * car.wheel_inertia / (car.mass * car.wheel_radius)  # gyroscopes, too
-    moved = math.copysign(car.mass * across * height / car.track_width, steering)
-    loads: FloatArray = np.maximum(np.column_stack((axles - moved, axles + moved)).ravel() / 2.0, 0.0)
-    return loads
+    def _steer(self, angle: float) -> None:
+        self._arc = math.tan(angle) / self._car.wheelbase
+        turned = np.arctan(self._car.wheelbase / (1.0 / self._arc - self._y[:2]))  # Ackermann
+        self._cos, self._sin = np.cos([*turned, 0.0, 0.0]), np.sin([*turned, 0.0, 0.0])
 
+    def begin(self, speed: float) -> FloatArray | None:
+        """Return the unknowns at a low speed [m/s], by steering from straight ahead; None: there is no solution."""
+        found: FloatArray | None = np.array([0.0, 1.0, *np.zeros(4 + self._share.shape[1])])
+        turns = math.ceil(self._steering / _TURN)
+        for angle in np.linspace(0.0, self._steering, turns + 1)[1:].tolist():
+            self._steer(angle)
+            found = None if found is None else self.solve(found, speed)
+        return found
 
-def _along(steering: float, car: CarParameters, curvature: float, rear_slip: float) -> float:
-    """Return the forward acceleration of the centre of gravity over the rear axle's lateral one [-]."""
-    steered = math.tan(abs(steering)) / car.wheelbase
-    return math.sin(rear_slip) - curvature * steered * car.rear_axle_distance
+    def told(self, unknown: FloatArray, speed: float) -> tuple[float, float, float, float]:
+        """Return speed, curvature, by how much a tire slides, negative: it does not, and the least load [N]."""
+        wheels = self._wheels(unknown, speed)
+        beyond = wheels.slip_speed * (1.0 - 1.0 / np.maximum(wheels.size, 1.0)) - BRISTLES_SLIDE
+        sliding = np.where(self._tires["holds"] > 0, beyond, wheels.size - 1.0)
+        return speed, float(unknown[1]), float(sliding.max()), float(wheels.load.min())
 
+    def solve(self, guess: FloatArray, speed: float) -> FloatArray | None:
+        """Return the unknowns at a speed [m/s] near a guess; None: there is no solution."""
+        found, residual = guess, self._balance(guess, speed)
+        for _ in range(_ROUNDS):
+            error = np.abs(residual).max()
+            if error < _EXACT:
+                return found
+            moved = [self._balance(found + step, speed) for step in _STEP * np.eye(len(found))]
+            slopes = (np.array(moved).T - residual[:, np.newaxis]) / _STEP
+            if not np.isfinite(slopes).all() or abs(np.linalg.det(slopes)) < 1e-300:
+                return None
+            way, share = np.linalg.solve(slopes, -residual), 1.0
+            while np.abs(residual := self._balance(found + share * way, speed)).max() > (1.0 - 0.1 * share) * error:
+                share *= 0.5
+                if share < _LEAST_SHARE:
+                    return None
+            found = found + share * way
+        return None
 
-def axle_forces(
-    lateral: float, steering: float, car: CarParameters, curvature: float = 1.0, rear_slip: float = 0.0,
-    *, wound: float = 0.0,
-) -> tuple[float, float, float]:
-    """Return the forces of the front and the rear axle across their wheels' heading, and what all wheels drive [N].
+    def _wheels(self, unknown: FloatArray, speed: float) -> _Wheels:
+        car, tires, slip = self._car, self._tires, unknown[2:6]
+        yaw_rate = unknown[1] * self._arc * speed
+        vx, vy = speed * math.cos(unknown[0]), speed * math.sin(unknown[0]) + yaw_rate * car.rear_axle_distance
+        ax, ay = -yaw_rate * vy, yaw_rate * vx
+        u, v = vx - yaw_rate * self._y, vy + yaw_rate * self._x
+        forward, left = u * self._cos + v * self._sin, v * self._cos - u * self._sin
+        load = self._loads(ax + self._drag * vx / car.mass, ay)
+        held = np.maximum(load, _LEAST_LOAD * self._weight)
+        shares = np.column_stack((slip, -np.arctan(left / forward))) / tires["peak_slip"]
+        size = np.hypot(*shares.T) + 1e-12
+        within = np.where(tires["holds"] > 0, np.minimum(size, 1.0), size)[:, np.newaxis] * tires["peak_slip"]
+        grip = held * self._mu / tires["peak"][:, 1] * (held / tires["nominal_load"]) ** -tires["load_sensitivity"]
+        pulls = [law.longitudinal.force(ratio) for law, ratio in zip(self._laws, within[:, 0].tolist(), strict=True)]
+        pushes = [law.lateral.force(angle) for law, angle in zip(self._laws, within[:, 1].tolist(), strict=True)]
+        along, across = (grip / size * shares.T) * np.array([pulls, pushes])
+        return _Wheels(
+            along=along, across=across, load=load, surface=forward * (1.0 + slip), size=size,
+            slip_speed=np.hypot(slip * forward, left), velocity=np.array([vx, vy]), acceleration=np.array([ax, ay]),
+        )  # fmt: skip
 
-    Arguments are those of `tire_loads`; `wound` [N] is what the front axle is held back by, and the rear one driven.
-    """  # fmt: skip
-    steering = abs(steering)
-    loads = tire_loads(lateral, steering, car, curvature, rear_slip)
-    radius, half = car.wheelbase / math.tan(steering), 0.5 * car.track_width
-    angles = np.arctan(car.wheelbase / (radius - np.array([half, -half])))  # Ackermann
-    share = loads[:2] / loads[:2].sum()  # of each front tire in the force of its axle
-    sin, cos = np.sin(angles), np.cos(angles)
-    aside = np.array([half, -half])
-    moment = car.front_axle_distance * cos + aside * sin  # about the centre of gravity, of a force across; and along
-    turned = car.front_axle_distance * sin - aside * cos
-    drive = 0.25  # of a wheel
-    balance = np.array([
-        [-share @ sin, 0.0, drive * (cos.sum() + 2.0)],
-        [share @ cos, 1.0, drive * sin.sum()],
-        [share @ moment, -car.rear_axle_distance, drive * turned.sum()],
-    ])  # fmt: skip
-    weight = car.mass * car.gravity * lateral
-    along = _along(steering, car, curvature, rear_slip)
-    needed = np.array([weight * along, weight * math.cos(rear_slip), 0.0])
-    needed += 0.5 * wound * np.array([cos.sum() - 2.0, sin.sum(), turned.sum()])
-    front, rear, drives = np.linalg.solve(balance, needed).tolist()
-    return front, rear, drives
+    def _loads(self, ax: float, ay: float) -> FloatArray:
+        """Return the load of each wheel [N]; negative of one that would lift."""
+        car, height = self._car, self._car.center_of_gravity_height
+        lever = np.repeat([car.rear_axle_distance, car.front_axle_distance], 2)
+        pitch = np.repeat([-ax * height, ax * height], 2)
+        gyroscopes = 4.0 * car.wheel_inertia / (car.mass * car.wheel_radius)
+        stiffness = float(self._roll @ self._y)  # [N m/rad]
+        lean = car.mass * ay * (height + gyroscopes) / (stiffness - self._weight * height)
+        loads: FloatArray = 0.5 * car.mass * (car.gravity * lever + pitch) / car.wheelbase - self._roll * lean
+        return loads
 
-
-def turn_in_limit(steady: SteadyLimits, car: CarParameters, tires: Tires, mu: float, steering: float) -> float:
-    """Return the speed [m/s] up to which a step to a steering angle [rad] leaves the front tires below their peak.
-
-    While the servo turns at its rate w for T = d / w, the front slip angle grows by w and is taken back by the lateral
-    acceleration of the front axle, with the time v / (g S (lr / b) (1 + m lf^2 / Izz)), S the slope of the tires. So
-    it passes that of the steady circle by w t (1 - exp(-T / t)). Infinite: no such speed below those of `steady`; NaN:
-    tires without a peak or a slip angle.
-    """
-    front = _axles(tires)[0]
-    if front is None or not front.lateral.has_peak:
-        return math.nan
-    slope = front.lateral.slope * (1.0 if tires.peak is None else mu / tires.peak)
-    turned = 1.0 + car.mass * car.front_axle_distance**2 / car.yaw_inertia
-    times = steady.speed / (car.gravity * slope * car.rear_axle_distance / car.wheelbase * turned)
-    rate = car.max_steering_rate
-    slips = steady.front_slip + rate * times * (1.0 - np.exp(-abs(steering) / rate / times))
-    over = np.flatnonzero(slips >= front.lateral.peak_slip)
-    return float(steady.speed[over[0]]) if len(over) else math.inf
-
-
-def approach_limit(car: CarParameters, mu: float, steering: float, speed: float) -> float:
-    """Return the speed [m/s] from which a car has braked to `speed` [m/s] when a step of its steering [rad] is there.
-
-    The law slows the car when it steers, not before: it has the time that the servo turns.
-    """
-    return speed + min(car.max_acceleration, mu * car.gravity) * abs(steering) / car.max_steering_rate
+    def _balance(self, unknown: FloatArray, speed: float) -> FloatArray:
+        """Return what is missing to each balance, over the weight, or over the speed."""
+        car, wheels, forces = self._car, self._wheels(unknown, speed), unknown[6:] * self._weight
+        pull = wheels.along * self._cos - wheels.across * self._sin
+        push = wheels.along * self._sin + wheels.across * self._cos
+        held = np.maximum(wheels.load, _LEAST_LOAD * self._weight)
+        radius = self._tires["radius"] - 0.5 * held / self._tires["vertical_stiffness"]
+        driven = self._share @ forces * car.wheel_radius / radius
+        taken = wheels.along + self._tires["rolling_resistance"] * held + self._damping * wheels.surface / radius**2
+        needed = car.mass * wheels.acceleration + self._drag * wheels.velocity
+        body = pull.sum() - needed[0], push.sum() - needed[1], (self._x * push - self._y * pull).sum() / car.wheelbase
+        ends = []
+        for lane, tie in enumerate(self._ties, start=1):
+            own = self._share[:, lane]
+            rate = float(own @ (wheels.surface / radius)) * car.wheel_radius / speed
+            if tie < 0.0:
+                through = abs(float(driven[own != 0.0].sum()))
+                most = 0.5 * (self._preload[lane - 1] / car.wheel_radius + self._ramp[lane - 1] * through)
+                rate = (forces[lane] + most * math.tanh(rate / _SLIPS)) / self._weight
+            ends.append(rate)
+        return np.array([*(np.array([*body, *(taken - driven)]) / self._weight), *ends])
 
 
 def stopping_distance(speed: float, mu: float, car: CarParameters) -> float:
     """Return the way of a stop [m] with mu g, or with the motor's greatest acceleration if that is less."""
     return speed**2 / (2.0 * min(mu * car.gravity, car.max_acceleration))
-

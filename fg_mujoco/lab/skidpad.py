@@ -2,7 +2,7 @@
 
 Constant steering, settled at one speed after another. Measured are the speeds at which a tire slides, at which a wheel
 leaves the ground, and at which the path differs from the steered arc by 5 %, and the curvature that is left at the
-law's speed. Beside each stands its closed form (`limits`). The law is safe where its speed is below all three.
+law's speed. Beside each stands that of a rigid car (`limits`). The law is safe where its speed is below all three.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,15 +19,21 @@ from ..pictures.pages.figure_kit import column
 from ..vehicle.tire_slip import NO_PEAK
 from ..vehicle.tires import tire_names
 from .experiment import ONE_SET, TOLD, Cell, Experiment, LabSettings, Row, Section, number, share_of
-from .limits import LEAVES, SteadyLimits
+from .limits import HIGH, LEAVES, LOW, SteadyLimits
 from .steady_circle import CircleReading, NeverError, SteadyCircle, UnreachableError
 
 if TYPE_CHECKING:
     import matplotlib.figure
 
-_LOW, _HIGH = 0.1, 1.6  # of the kinematic law's speed: what is looked at
 _CAUSES = {"slides": "grip", "lifts": "load transfer", "leaves_arc": "understeer"}
 """What ends a circle, by the beginning of its columns: a tire slides, a wheel lifts, the path leaves its arc."""
+_WORDS = {"slides": ("sliding", "o"), "lifts": ("lifting a wheel", "^"), "leaves_arc": ("leaving the arc", "s")}
+"""The same in words, with its marker in figures."""
+_OF_SETS = {
+    "slides_over_law": "a tire slides", "leaves_arc_over_law": "the path leaves the arc by 5 %",
+    "curvature_at_law": "curvature at the law's speed",
+}  # fmt: skip
+_RIGID = "_of_rigid_car"  # how the columns end that stand beside those of what was measured
 
 
 class Skidpad:
@@ -42,25 +48,24 @@ class Skidpad:
         return [{"mu": mu, "steering": angle} for mu in settings.frictions for angle in settings.angles]
 
     def measure(self, cell: Cell, settings: LabSettings) -> list[Row]:
-        """Find the speeds of a circle at which something ends, and their closed forms."""
+        """Find the speeds of a circle at which something ends, and those of a rigid car."""
         circle = settings.circle(cell["mu"], cell["steering"])
         found = {name: _first(circle, happens) for name, happens in _EVENTS.items()}
         if "tips over" in found["lifts"][1] and circle.readings:  # from the last speed at which it settled
             found["lifts"] = circle.readings[-1].asked * circle.law, found["lifts"][1]
         law = _law_speed(circle, settings)
-        limits = SteadyLimits.of(circle.car, settings.tires.on(cell["mu"]), cell["mu"], cell["steering"])
-        forms = {"slides": min(limits.grip, limits.spins), "lifts": limits.lifts, "leaves_arc": limits.leaves_arc}
+        rigid = SteadyLimits.of(circle.ground, circle.mu, circle.steering)
         row: Row = {
             "mu": cell["mu"], "steering_rad": cell["steering"], "law_mu": circle.mu, "law_speed_m_s": law,
         }  # fmt: skip
         if not settings.tires.slides:
-            found["slides"], forms["slides"] = (math.nan, NO_PEAK), math.nan
+            found["slides"] = math.nan, NO_PEAK
         for name, (speed, _) in found.items():
-            row |= {f"{name}_over_law": _over(speed, law), f"{name}_over_law_closed_form": _over(forms[name], law)}
-        row |= {"curvature_at_law": _curvature(circle, law), "curvature_at_law_closed_form": limits.curvature_at(law)}
+            row |= {f"{name}_over_law": _over(speed, law), f"{name}_over_law{_RIGID}": _over(getattr(rigid, name), law)}
+        row |= {"curvature_at_law": _curvature(circle, law), f"curvature_at_law{_RIGID}": rigid.curvature_at(law)}
         known = {name: speed for name, (speed, _) in found.items() if speed < math.inf}
         first = cause = min(known, key=lambda name: known[name], default="")
-        if first == "slides" and forms["lifts"] < forms["slides"]:
+        if first == "slides" and rigid.lifts < rigid.slides:
             cause = "lifts"  # a wheel that carries next to nothing spins, and open differentials then drive none
         holds = not known
         return [
@@ -68,7 +73,7 @@ class Skidpad:
             | {
                 "safe": holds or known[first] >= law,
                 "ends_by": "" if holds else _CAUSES[cause],
-                "up_to_m_s": _HIGH * circle.law if holds else known[first],
+                "up_to_m_s": HIGH * circle.law if holds else known[first],
                 "reason": "; ".join(f"{name}: {why}" for name, (_, why) in found.items() if why),
             }
         ]
@@ -83,18 +88,18 @@ class Skidpad:
             first.append(f"On {len(own)} {cause} ends it at {over} of its speed.")
         key = (
             f"Speeds over the law's at which a tire slides, a wheel lifts, and the path leaves the steered arc by "
-            f"{100 * LEAVES:g} %, each beside its closed form; curvature at the law's speed. Never: not up to "
-            f"{_HIGH:g} of sqrt(g mu b / tan d)."
+            f"{100 * LEAVES:g} %, each beside that of a rigid car; curvature at the law's speed. Never: not up to "
+            f"{HIGH:g} of sqrt(g mu b / tan d)."
         )
         return Section(
-            sentences=(" ".join(first), _beside_closed_forms(rows), key, TOLD),
+            sentences=(" ".join(first), _beside_rigid_car(rows), key, TOLD),
             columns={
                 "mu": "mu", "told": "law_mu", "steering": "steering_rad", "law m/s": "law_speed_m_s",
                 "slides": "slides_over_law",
-                "(form)": "slides_over_law_closed_form", "lifts": "lifts_over_law",
-                "(form) ": "lifts_over_law_closed_form", "leaves arc": "leaves_arc_over_law",
-                "(form)  ": "leaves_arc_over_law_closed_form", "curvature": "curvature_at_law",
-                "(form)   ": "curvature_at_law_closed_form", "safe": "safe", "ends by": "ends_by",
+                "(rigid)": f"slides_over_law{_RIGID}", "lifts": "lifts_over_law",
+                "(rigid) ": f"lifts_over_law{_RIGID}", "leaves arc": "leaves_arc_over_law",
+                "(rigid)  ": f"leaves_arc_over_law{_RIGID}", "curvature": "curvature_at_law",
+                "(rigid)   ": f"curvature_at_law{_RIGID}", "safe": "safe", "ends by": "ends_by",
             },
             draw=lambda figure: _draw(figure, rows),
         )  # fmt: skip
@@ -119,21 +124,18 @@ class Sets(Skidpad):
 
     def section(self, rows: list[Row], settings: LabSettings) -> Section:
         """Put the angles of a set in one row."""
-        quantities = ("slides_over_law", "leaves_arc_over_law", "curvature_at_law")
         printed = []
         for name in dict.fromkeys(str(row["tires"]) for row in rows):
             own = [row for row in rows if row["tires"] == name]
-            text = {each: ", ".join(_short(number(row, each)) for row in own) for each in quantities}
+            text = {each: ", ".join(_short(number(row, each)) for row in own) for each in _OF_SETS}
             printed.append({"tires": name, "mu": own[0]["law_mu"], "safe": share_of(own, "safe"), **text})
         angles = ", ".join(f"{angle:g}" for angle in settings.angles)
         return Section(
             sentences=(f"At steering angles of {angles} rad; speeds over the law's, curvatures over the arc's.",),
-            columns={"tires": "tires", "mu": "mu", "a tire slides": quantities[0],
-                     "the path leaves the arc by 5 %": quantities[1], "curvature at the law's speed": quantities[2],
-                     "safe": "safe"},
+            columns={"tires": "tires", "mu": "mu", **{words: name for name, words in _OF_SETS.items()}, "safe": "safe"},
             printed=tuple(printed),
-            draw=lambda figure: _draw(figure, rows, "tires"),
-            height=4.5,
+            draw=lambda figure: _draw_sets(figure, rows),
+            height=1.2 + 0.25 * len(printed),
         )  # fmt: skip
 
 
@@ -150,12 +152,12 @@ _EVENTS: dict[str, Callable[[CircleReading], bool]] = {
 def _first(circle: SteadyCircle, happens: Callable[[CircleReading], bool]) -> tuple[float, str]:
     """Return the speed at which something first happens [m/s]; infinite: never; NaN: not known, and why."""
     try:
-        before, after = circle.bisect(happens, low=_LOW, high=_HIGH)
+        before, after = circle.bisect(happens, low=LOW, high=HIGH)
     except NeverError:
         return math.inf, ""
     except UnreachableError as error:
         early = circle.readings and happens(circle.readings[0])
-        return (_LOW * circle.law if early else math.nan), str(error)
+        return (LOW * circle.law if early else math.nan), str(error)
     return 0.5 * (before.asked + after.asked) * circle.law, ""
 
 
@@ -190,43 +192,54 @@ def _curvature(circle: SteadyCircle, speed: float) -> float:
     return math.nan if reading.lost or spins else reading.curvature
 
 
-def _beside_closed_forms(rows: list[Row]) -> str:
-    """Say how far the measured speeds are from their closed forms."""
+def _beside_rigid_car(rows: list[Row]) -> str:
+    """Say how far the measured speeds are from those of a rigid car."""
     parts = []
-    for name, words in (("slides", "sliding"), ("lifts", "lifting"), ("leaves_arc", "leaving the arc")):
-        ratio = column(rows, f"{name}_over_law") / column(rows, f"{name}_over_law_closed_form")
-        known = ratio[np.isfinite(ratio) & (ratio > 0.0)]
-        if len(known):
-            parts.append(f"{words} {style.span(known, '.2f')}")
-    return f"Measured over the closed form: {', '.join(parts)}." if parts else "No limit was reached."
+    for name, (words, _) in _WORDS.items():
+        measured, rigid = column(rows, f"{name}_over_law"), column(rows, f"{name}_over_law{_RIGID}")
+        both = np.isfinite(measured) & np.isfinite(rigid)
+        if both.any():
+            parts.append(f"{words} {style.span(measured[both] / rigid[both], '.2f')}")
+    return f"Measured over that of a rigid car: {', '.join(parts)}." if parts else "No limit was reached."
 
 
 def _short(value: float) -> str:
     return "-" if math.isnan(value) else "never" if math.isinf(value) else f"{value:.2f}"
 
 
-def _draw(figure: matplotlib.figure.Figure, rows: list[Row], by: str = "mu") -> None:
+def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
     left, right = figure.subplots(1, 2)
-    left.axhline(1.0, color="0.6", linewidth=0.8)
-    names = (("slides_over_law", "slides"), ("leaves_arc_over_law", "leaves the arc"), ("lifts_over_law", "lifts"))
-    kinds = list(dict.fromkeys(row[by] for row in rows))
-    looks = len(style.COLOURS)
-    for index, kind in enumerate(kinds):
-        colour, marker = style.COLOURS[index % looks], style.MARKERS[(index + index // looks) % looks]
-        own = [row for row in rows if row[by] == kind]
-        title = str(kind) if by == "tires" else f"mu {kind:.3g}"
-        angles = column(own, "steering_rad")
-        for (name, label), filled in zip(names, ("full", "none", "bottom"), strict=True):
-            look: dict[str, Any] = {"fillstyle": filled, "marker": marker, "color": colour, "linestyle": "none"}
-            values, form = column(own, name), column(own, f"{name}_closed_form")
-            shown = np.where(np.isfinite(values), values, np.nan)
-            left.plot(angles, shown, label=f"{title}, {label}" if np.isfinite(shown).any() else None, **look)
-            left.plot(angles, np.where(form < _HIGH * 1.05, form, np.nan), color=colour, linewidth=0.8)
-        right.plot(angles, column(own, "curvature_at_law_closed_form"), color=colour, linewidth=0.8)
-        style.measured(right, angles, column(own, "curvature_at_law"), title, colour=colour, marker=marker)
-    right.axhline(1.0, color="0.6", linewidth=0.8)
-    style.theory(left, [], [], "lines: closed forms")
+    for index, mu in enumerate(dict.fromkeys(number(row, "mu") for row in rows)):
+        own = [row for row in rows if number(row, "mu") == mu]
+        angles, colour = column(own, "steering_rad"), style.COLOURS[index % len(style.COLOURS)]
+        shown = [(left, f"{name}_over_law", marker) for name, (_, marker) in _WORDS.items()]
+        for axes, name, marker in (*shown, (right, "curvature_at_law", "D")):
+            style.theory(axes, angles, column(own, name + _RIGID), colour=colour)
+            style.measured(axes, angles, column(own, name), colour=colour, marker=marker)
+        style.measured(left, [], [], f"mu {mu:.3g}", colour=colour, marker="D")
+    for words, marker in _WORDS.values():
+        style.measured(left, [], [], words, colour="0.25", marker=marker)
+    style.theory(left, [], [], "lines: a rigid car")
+    for axes, label in ((left, "speed over the law's [-]"), (right, "curvature at the law's speed [-]")):
+        axes.axhline(1.0, color="0.6", linewidth=0.8)
+        style.finish(axes, "steering angle [rad]", label, legend=False)
     style.few_ticks(left, right)
-    style.finish(left, "steering angle [rad]", "speed over the law's [-]", legend=False)
-    style.finish(right, "steering angle [rad]", "curvature at the law's speed [-]", legend=False)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize="small")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize="small")
+
+
+def _draw_sets(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
+    """Draw a line for each set, and on it a point for each steering angle; what never happens is at the right end."""
+    panels, names = figure.subplots(1, 3, sharey=True), list(dict.fromkeys(str(row["tires"]) for row in rows))
+    for index, angle in enumerate(dict.fromkeys(number(row, "steering_rad") for row in rows)):
+        own = [row for row in rows if number(row, "steering_rad") == angle]
+        at, colour = [names.index(str(row["tires"])) for row in own], style.COLOURS[index % len(style.COLOURS)]
+        for axes, name in zip(panels, _OF_SETS, strict=True):
+            values = np.minimum(column(own, name), HIGH)  # NaN stays
+            style.measured(axes, values, at, f"{angle:g} rad", colour=colour, fillstyle="none", clip_on=False)
+    label = f"speed over the law's, looked at up to {HIGH:g} [-]"
+    for axes, (name, title) in zip(panels, _OF_SETS.items(), strict=True):
+        axes.axvline(1.0, color="0.6", linewidth=0.8)
+        axes.set(yticks=range(len(names)), yticklabels=names, ylim=(len(names) - 0.5, -0.5), xlim=(0.0, HIGH))
+        axes.set_title(title, fontsize="medium")
+        style.finish(axes, "[-]" if name.startswith("curvature") else label, "", legend=False)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, fontsize="small")

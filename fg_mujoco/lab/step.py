@@ -5,6 +5,9 @@ A car comes straight ahead, and is steered to an angle as fast as its servo turn
 - `turn_in`: the set point stays, and a tire slides. Turning the car takes lateral force besides that of the circle;
 - `approach`: the law slows the car from the moment at which it is steered, and a tire slides. The servo turns faster
   than the car slows, so the law comes too late by the way of that.
+
+Beside them stands the speed at which a tire slides on the steady circle of the same angle, of a rigid car (`limits`).
+A step has no such closed form: what a tire has when the car turns in hangs on yaw, relaxation and braking together.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from ..pictures.pages.figure_kit import column
 from ..vehicle.tire_slip import NO_PEAK
 from .experiment import ONE_SET, TOLD, Cell, Experiment, LabSettings, Row, Section, number
 from .lab_ground import LabGround
-from .limits import SteadyLimits, approach_limit, turn_in_limit
+from .limits import SteadyLimits
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -42,10 +45,10 @@ class Step:
         return [{"mu": mu, "steering": angle} for mu in settings.frictions for angle in settings.angles]
 
     def measure(self, cell: Cell, settings: LabSettings) -> list[Row]:
-        """Find both speeds, and their closed forms."""
+        """Find both speeds, and that of the steady circle."""
         mu, steering = cell["mu"], cell["steering"]
         ground, told = settings.ground(mu), settings.told(mu)
-        car, tires = ground.car.parameters, settings.tires.on(mu)
+        car = ground.car.parameters
 
         def law(odometry: Odometry) -> float:
             return min(settings.speed_law(steering, odometry, car, told), car.max_speed)
@@ -53,15 +56,12 @@ class Step:
         ground.place(0.0)
         speed = law(ground.car.odometry(ground.data))
         row: Row = {"mu": mu, "steering_rad": steering, "law_mu": told, "law_speed_m_s": speed}
-        steady = SteadyLimits.of(car, tires, mu, steering)
-        grip = min(steady.grip, steady.spins)
-        turn_in = min(turn_in_limit(steady, car, tires, mu, steering), grip)
-        forms = {"turn_in": turn_in, "approach": approach_limit(car, told, steering, min(speed, turn_in))}
         reason = "" if settings.tires.slides else NO_PEAK
-        for name in forms:
+        for name in ("turn_in", "approach"):
             value = math.nan if reason or not speed > 0.0 else _first_slide(ground, steering, speed, law, name)
-            form = forms[name] / speed if speed > 0.0 else math.nan
-            row |= {f"{name}_over_law": value, f"{name}_over_law_closed_form": form}
+            row |= {f"{name}_over_law": value}
+        steady = SteadyLimits.of(ground, told, steering).slides
+        row |= {"circle_over_law_of_rigid_car": steady / speed if speed > 0.0 else math.nan}
         return [row | {"safe": not number(row, "turn_in_over_law") < 1.0, "reason": reason}]
 
     def section(self, rows: list[Row], settings: LabSettings) -> Section:
@@ -72,16 +72,14 @@ class Step:
             first = f"No step slides a tire up to {_HIGH:g} of the law's speed." if settings.tires.slides else NO_PEAK
         second = (
             f"With the law {settings.law!r} in command, a car that comes straight ahead slides from "
-            f"{style.span(column(rows, 'approach_over_law'), '.2f')} of the law's speed on; closed form of the servo's "
-            f"rate: {style.span(column(rows, 'approach_over_law_closed_form'), '.2f')}."
+            f"{style.span(column(rows, 'approach_over_law'), '.2f')} of the law's speed on."
         )
         return Section(
             sentences=(first, second, TOLD),
             columns={
                 "mu": "mu", "told": "law_mu", "steering": "steering_rad", "law m/s": "law_speed_m_s",
-                "turn in at": "turn_in_over_law",
-                "(form)": "turn_in_over_law_closed_form", "approach at": "approach_over_law",
-                "(form) ": "approach_over_law_closed_form", "safe": "safe",
+                "turn in at": "turn_in_over_law", "approach at": "approach_over_law",
+                "steady circle (rigid)": "circle_over_law_of_rigid_car", "safe": "safe",
             },
             draw=lambda figure: _draw(figure, rows),
         )  # fmt: skip
@@ -121,10 +119,10 @@ def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
         for index, mu in enumerate(dict.fromkeys(number(row, "mu") for row in rows)):
             own = [row for row in rows if number(row, "mu") == mu]
             colour, angles = style.COLOURS[index % len(style.COLOURS)], column(own, "steering_rad")
-            form = column(own, f"{name}_over_law_closed_form")
-            style.theory(axes, angles, np.where(form < _HIGH, form, np.nan), colour=colour)
+            circle = column(own, "circle_over_law_of_rigid_car")
+            style.theory(axes, angles, np.where(np.isfinite(circle), circle, np.nan), colour=colour)
             style.measured(axes, angles, column(own, f"{name}_over_law"), f"mu {mu:.3g}", colour=colour)
-        style.theory(axes, [], [], "lines: closed forms")
+        style.theory(axes, [], [], "lines: the steady circle of a rigid car")
         style.few_ticks(axes)
         axes.set_title(title, fontsize="medium")
         style.finish(axes, "steering angle [rad]", "speed over the law's at which a tire slides [-]")

@@ -1,7 +1,6 @@
 """The skidpad against an independent one, a car on four wheels solved by scipy, and against closed forms."""
 
 import math
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -12,7 +11,8 @@ from cases import each
 from fg_mujoco.controllers.control.speed import lifting_share
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import run_lab
-from fg_mujoco.lab.limits import SteadyLimits, axle_forces, tire_loads
+from fg_mujoco.lab.lab_ground import LabGround
+from fg_mujoco.lab.limits import SteadyLimits
 from fg_mujoco.lab.skidpad import EXPERIMENT
 from fg_mujoco.lab.steady_circle import SteadyCircle, UnreachableError
 from fg_mujoco.racing.entries import Entry
@@ -124,27 +124,28 @@ def test_the_onset_on_a_car_made_here_is_within_two_percent_of_an_independent_sk
 
 
 def measure(mu, steering, **entry):
-    settings = LabSettings(entry=Entry(**{"tires": "coulomb"} | entry), mus=(mu,), steerings=(steering,))
-    (row,) = EXPERIMENT.measure({"mu": mu, "steering": steering}, settings)
+    mus = None if mu is None else (mu,)
+    settings = LabSettings(entry=Entry(**{"tires": "coulomb"} | entry), mus=mus, steerings=(steering,))
+    (row,) = EXPERIMENT.measure(*EXPERIMENT.cells(settings), settings)
     return row
 
 
 # In turns tighter than .05 rad a shaft makes ideal tires slide sooner; the law leaves out load transfer and 1 / cos d
 @each(("mu", "steering", "off"), [(0.5, 0.05, 0.02), (1.0489, 0.05, 0.02), (1.0489, 0.2, 0.02), (1.0489, 0.4, 0.03)])
-def test_ideal_tires_slide_by_the_law_and_nearer_by_the_closed_form(mu, steering, off):
+def test_ideal_tires_slide_by_the_law_and_nearer_by_the_rigid_car(mu, steering, off):
     row = measure(mu, steering, **({} if steering == 0.05 else {"vehicle": open_file()}))
     assert row["slides_over_law"] == pytest.approx(1.0, abs=off)
-    assert row["slides_over_law"] == pytest.approx(row["slides_over_law_closed_form"], rel=0.015)
-    assert row["leaves_arc_over_law"] == pytest.approx(row["leaves_arc_over_law_closed_form"], rel=0.01)
-    assert row["curvature_at_law"] == pytest.approx(row["curvature_at_law_closed_form"], abs=0.01)
+    assert row["slides_over_law"] == pytest.approx(row["slides_over_law_of_rigid_car"], rel=0.015)
+    assert row["leaves_arc_over_law"] == pytest.approx(row["leaves_arc_over_law_of_rigid_car"], rel=0.01)
+    assert row["curvature_at_law"] == pytest.approx(row["curvature_at_law_of_rigid_car"], abs=0.01)
     assert row["ends_by"] == "grip" and row["safe"] == (row["slides_over_law"] > 1.0)
 
 
-def test_measured_tires_understeer_as_the_closed_form_says_before_they_slide():
+def test_measured_tires_understeer_as_a_rigid_car_does_before_they_slide():
     row = measure(0.968, 0.2, tires="forzaeth_nuc6")
     assert row["ends_by"] == "understeer" and not row["safe"] and math.isinf(row["slides_over_law"])
-    assert row["leaves_arc_over_law"] == pytest.approx(row["leaves_arc_over_law_closed_form"], rel=0.02)
-    assert row["curvature_at_law"] == pytest.approx(row["curvature_at_law_closed_form"], abs=0.02)
+    assert row["leaves_arc_over_law"] == pytest.approx(row["leaves_arc_over_law_of_rigid_car"], rel=0.02)
+    assert row["curvature_at_law"] == pytest.approx(row["curvature_at_law_of_rigid_car"], abs=0.02)
 
 
 def test_a_law_that_stands_still_is_safe_and_its_curvature_is_no_number(tmp_path):
@@ -160,51 +161,48 @@ def test_the_sliding_of_tires_without_a_peak_is_not_measured():
     assert row["ends_by"] == "understeer" and row["curvature_at_law"] < 0.9
 
 
-def test_a_tall_car_ends_by_load_transfer_at_the_closed_form_of_its_lifting_wheel():
+def test_a_tall_car_ends_by_load_transfer_where_the_rigid_car_lifts_a_wheel():
     row = measure(1.0489, 0.05, changes=CarChanges(center_of_gravity_height=0.12))
     assert row["ends_by"] == "load transfer" and not row["safe"]
-    assert row["up_to_m_s"] / row["law_speed_m_s"] == pytest.approx(row["lifts_over_law_closed_form"], rel=0.06)
+    assert row["up_to_m_s"] / row["law_speed_m_s"] == pytest.approx(row["lifts_over_law_of_rigid_car"], rel=0.06)
 
 
-@each("steering", [0.05, 0.3, 0.4])
-def test_axle_forces_balance_a_car_of_equal_tires(steering):
-    """Forces and the moment about the centre of gravity, each tire's share that of its load."""
-    lateral, lr, slip, path = 0.6, CAR.rear_axle_distance, 0.03, 0.9
-    loads = tire_loads(lateral, steering, CAR, path, slip)
-    front, rear, drive = axle_forces(lateral, steering, CAR, path, slip, wound=0.7)
-    radius, half = CAR.wheelbase / math.tan(steering), 0.5 * CAR.track_width
-    angles = np.append(np.arctan(CAR.wheelbase / (radius - np.array([half, -half]))), [0.0, 0.0])
-    shares = np.append(front * loads[:2] / loads[:2].sum(), rear * loads[2:] / loads[2:].sum())
-    ahead = np.column_stack((np.cos(angles), np.sin(angles)))
-    drives = 0.25 * drive + 0.35 * np.array([-1.0, -1.0, 1.0, 1.0])
-    forces = shares[:, None] * np.column_stack((-ahead[:, 1], ahead[:, 0])) + drives[:, None] * ahead
-    acceleration = lateral * G * np.array([math.sin(slip) - path * lr / radius, math.cos(slip)])
-    assert forces.sum(axis=0) == pytest.approx(CAR.mass * acceleration, rel=1e-9)
-    lf = CAR.front_axle_distance
-    places = np.array([(lf, half), (lf, -half), (-lr, half), (-lr, -half)])
-    moments = places[:, 0] * forces[:, 1] - places[:, 1] * forces[:, 0]
-    behind = shares[2:] * -lr  # whose drive is even
-    assert moments[:2].sum() + behind.sum() == pytest.approx(0.0, abs=1e-9)
-    assert loads.sum() == pytest.approx(CAR.mass * G, rel=1e-9)
+@each("case", [(0.3, 0.05), (0.3, 0.4), (1.05, 0.2), (1.05, 0.4)])
+def test_a_rigid_car_slides_where_the_independent_one_does(own, case):
+    mu, steering = case
+    ground = LabSettings(entry=own, mus=(mu,)).ground(mu)
+    limits = SteadyLimits.of(ground, mu, steering)
+    assert limits.slides == pytest.approx(skidpad(ground.car.parameters, steering, mu, True), rel=0.005)
 
 
 @each("steering", [0.05, 0.2, 0.4])
-def test_a_wheel_of_a_rigid_car_lifts_where_moments_say(steering):
-    for car in (CAR, replace(CAR, center_of_gravity_height=0.12)):
-        assert tire_loads(lifting_share(car, steering), steering, car).min() == pytest.approx(0.0, abs=1e-6)
-        assert tire_loads(0.98 * lifting_share(car, steering), steering, car).min() > 0.01
+def test_a_rigid_car_lifts_a_wheel_where_moments_say(steering):
+    """Of a tall car that leans on springs of 2000 N/m and tires of 11700 N/m in series, on tires that hardly slip."""
+    ground = LabGround(1.5, tires=Tires.load("coulomb"), changes=CarChanges(center_of_gravity_height=0.12))
+    limits, car = SteadyLimits.of(ground, 1.5, steering), ground.car.parameters
+    stiffness = 4.0 / (1.0 / 2000.0 + 1.0 / 11_700.0) * (0.5 * car.track_width) ** 2
+    leans = 1.0 / (1.0 - car.mass * G * car.center_of_gravity_height / stiffness)
+    curvature = limits.curvature_at(limits.lifts) * math.tan(steering) / car.wheelbase
+    assert limits.lifts**2 * curvature / G * leans == pytest.approx(lifting_share(car, steering), rel=0.02)
 
 
 def test_the_curve_of_a_linear_car_is_the_understeer_gradients():
     """Small angles: curvature / arc = 1 / (1 + K v^2 / b), K = (1 / S_f - 1 / S_r) / g."""
     tires = Tires.load("f1tenth_gym")
-    flat = replace(CAR, center_of_gravity_height=1e-9, wheel_inertia=1e-12)
     front, rear = (axle.lateral.slope for axle in tires.axles)
-    limits = SteadyLimits.of(flat, tires, tires.peak, 0.01)
+    limits = SteadyLimits.of(LabGround(tires=tires, changes=CarChanges(center_of_gravity_height=0.03)), 1.0, 0.005)
     gradient = (1.0 / front - 1.0 / rear) / G
     for speed in (3.0, 6.0):
         assert limits.curvature_at(speed) == pytest.approx(1.0 / (1.0 + gradient * speed**2 / CAR.wheelbase), rel=2e-3)
-    assert math.isnan(limits.grip)
+    assert math.isnan(limits.slides) and math.isinf(limits.lifts)
+
+
+@each(("steering", "car"), [(0.1, "autodrive"), (0.2, "autodrive"), (0.2, "f1tenth")])
+def test_a_car_whose_wheels_are_tied_slides_within_two_percent_of_the_rigid_one(steering, car):
+    """Long before the law, as its wheels have ways of different lengths."""
+    row = measure(None, steering, vehicle=car, tires="coulomb" if car == "f1tenth" else None)
+    assert row["slides_over_law"] == pytest.approx(row["slides_over_law_of_rigid_car"], rel=0.02)
+    assert row["leaves_arc_over_law"] == pytest.approx(row["leaves_arc_over_law_of_rigid_car"], rel=0.02)
 
 
 def test_a_speed_out_of_reach_is_said_with_its_reason():
