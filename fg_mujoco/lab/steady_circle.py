@@ -6,8 +6,8 @@
     circle.bisect(lambda reading: reading.sliding.any())  # the readings before and after
 
 The state settles at each k: it is reached from the nearest slower one that was settled before, gaining 6 % of mu g of
-speed at most. A slow ramp of the speed without settling costs as much, and is 1 to 4 % off: its acceleration moves load
-to the rear axle.
+speed at most. A slow ramp of the speed without settling costs as much, and is up to 12 % off: its acceleration moves
+load to the rear axle, and a car that is about to spin takes its time.
 """
 
 from __future__ import annotations
