@@ -51,7 +51,7 @@ from .drives.reading import kind_of, refuse_for_kind
 from .drives.reading import read_drive as recorded_drive
 from .identification.drive_log import Drive
 from .identification.fit import require_scipy
-from .identification.identification import BUDGET, Identification, check_front_drive, identify_drives
+from .identification.identification import BUDGET, Identification, identify_drives
 
 ACCEPTED = (
     f"steering by {DRIVE} or {JOINTS}, wheel speed by {JOINTS}, {ODOMETRY} or {MOTOR}, yaw rate by {IMU} or {ODOMETRY}"
@@ -70,7 +70,6 @@ def identify(
     *sources: str | Path,
     vehicle: str | Path | Vehicle | None = None,
     linear: bool = False,
-    front_drive: float = 0.5,
     single_track: bool = False,
     columns: DriveColumns | Mapping[str, Any] | str | Path | None = None,
     pose_topic: str | None = None,
@@ -87,7 +86,6 @@ def identify(
       sources: run folders, CSV files, or ROS bags: .mcap, .db3 or .bag files, or the folder of one.
       vehicle: whose mass, inertia and lengths are assumed; None: those of the runs' own car, or `f1tenth` with others.
       linear: find of each axle the stiffness alone, which a gentle drive determines.
-      front_drive: share of the drive at the front axle, 0 to 1.
       single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
       columns: of CSV files: as `read_drive` of realcar.drives takes them.
       pose_topic: of the poses in a bag; None: the only one there is, or that of the odometry.
@@ -105,7 +103,6 @@ def identify(
       SettingsError: a drive that is too short, drives of several cars, or ones that do not excite what is to be found.
     """
     require_scipy()
-    check_front_drive(front_drive)
     topics = {
         "pose_topic": pose_topic, "drive_topic": drive_topic, "imu_topic": imu_topic, "odometry_topic": odometry_topic
     }  # fmt: skip
@@ -115,9 +112,8 @@ def identify(
             watch(f"reading drive {count}/{len(sources) + len(hold_out)}")
         drives[count > len(sources)].extend(read_drives(source, vehicle=vehicle, columns=columns, **topics))
     return identify_drives(
-        drives[0], hold_out=drives[1], linear=linear, front_drive=front_drive, single_track=single_track,
-        budget=budget, watch=watch,
-    )  # fmt: skip
+        drives[0], hold_out=drives[1], linear=linear, single_track=single_track, budget=budget, watch=watch
+    )
 
 
 def read_drives(

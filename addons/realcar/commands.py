@@ -68,14 +68,10 @@ _SCAN_TOPIC = option("--scan-topic", "default: /scan, or the only one with scans
     option("--budget", "time for the fit [s], after which the best so far counts; default: 120", "S", number),
     option("--report", "a page of data and fit; default: none", "FILE.html", Path),
     option(
-        "--vehicle", "car with the assumed mass, inertia and lengths; default: the run's own car, else f1tenth",
+        "--vehicle", "car whose mass, inertia, lengths and drive line count; default: the run's own, else f1tenth",
         "NAME|FILE", names=NAMES["vehicle"],
     ),
     option("--linear", "find only the stiffness of each axle, for a gentle drive"),
-    option(
-        "--front-drive", "of the drive at the front axle: 0.5, the default, with four driven wheels, 0 with driven "
-        "rear wheels", "SHARE", number, 0.5,
-    ),
     option(
         "--single-track", "fit the single-track model: no load transfer, and driving takes no grip"
     ),
@@ -108,7 +104,7 @@ def identify_command(options: argparse.Namespace) -> int:
     with new_files(folder, *filter(None, (tires, report, car)), options=options):
         with shown_as(str, "reading drives") as watch:
             found = identify(
-                *options.sources, vehicle=options.vehicle, linear=options.linear, front_drive=options.front_drive,
+                *options.sources, vehicle=options.vehicle, linear=options.linear,
                 single_track=options.single_track, columns=options.columns, pose_topic=options.pose_topic,
                 drive_topic=options.drive_topic, imu_topic=options.imu_topic, odometry_topic=options.odom_topic,
                 hold_out=options.hold_out, budget=BUDGET if options.budget is None else options.budget, watch=watch,

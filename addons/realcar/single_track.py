@@ -10,7 +10,8 @@ Both kinds carry the loads by longitudinal transfer, F_zf = m (g l_r - a_x h) / 
   angles a_f = delta - atan((v_y + l_f r) / v_x), a_r = -atan((v_y - l_r r) / v_x). `simulate` drives them at the
   forward speed and acceleration that were measured. Of the force that drives the car, the share of the front axle acts
   along the steered wheels. With a share of 0 this is CommonRoad's model with the tires of ForzaETH's On-Track-SysID
-  (arXiv 2411.17508).
+  (arXiv 2411.17508). A shaft makes both axles turn alike: on the longer way of the front wheels they brake, and the
+  rear ones drive.
 """
 
 from __future__ import annotations
@@ -87,8 +88,8 @@ def linear_rates(
     return turning, (front_force + rear_force) / (mass * speed) - yaw_rate
 
 
-def car_array(car: CarParameters, front_drive: float, *, single_track: bool = False) -> FloatArray:
-    """Return the constants of a car as kernels take them; `front_drive` is the share of the front axle's drive.
+def car_array(car: CarParameters, *, single_track: bool = False) -> FloatArray:
+    """Return the constants of a car as kernels take them, with the front axle's share of the drive, and its shaft.
 
     With `single_track` half of the track width is 0, which turns off all that the tires of an axle differ in. Otherwise
     the yaw inertia contains the wheels' spin: in a turn the outer wheels roll faster, and have to be sped up for it.
@@ -98,7 +99,7 @@ def car_array(car: CarParameters, front_drive: float, *, single_track: bool = Fa
     return np.array(
         (
             car.mass, inertia, car.front_axle_distance, car.rear_axle_distance, car.center_of_gravity_height,
-            car.gravity, front_drive, half,
+            car.gravity, car.drives_front / (car.drives_front + car.drives_rear), half, car.shaft,
         )
     )  # fmt: skip
 
@@ -129,19 +130,43 @@ def friction_curve(slip: FloatArray, tire: FloatArray) -> FloatArray:
 
 
 @inlined
+def _secant(slip: float, ratio: float, stiffness: float, c: float, d: float, e: float) -> float:
+    """Return the force of a tire over its load and its slip, at a slip angle [rad] and a slip ratio [-]."""
+    size = math.sqrt(slip * slip + ratio * ratio + 1e-12)
+    return _held(size, stiffness, c, d, e) / size
+
+
+@inlined
 def _across(slip: float, load: float, drive: float, stiffness: float, c: float, d: float, e: float) -> float:
     """Return the lateral force of a tire [N] at a slip angle [rad], while it drives by a force along its heading [N].
 
     By similarity: the curve gives the force at the size of the vector of slip ratio and slip angle. The slip ratio is
     the one with that drive; where there is none, the tire spins, at a slip ratio of 1.
     """
-    size = max(abs(slip), 1e-6)
-    used = _held(size, stiffness, c, d, e) / size
+    used = _secant(slip, 0.0, stiffness, c, d, e)
     for _ in range(1 if abs(drive) < _HARDLY * load else 3):
-        ratio = min(abs(drive) / max(load * used, 1e-6), 1.0)
-        size = math.sqrt(slip * slip + ratio * ratio + 1e-12)
-        used = _held(size, stiffness, c, d, e) / size
+        used = _secant(slip, min(abs(drive) / max(load * used, 1e-6), 1.0), stiffness, c, d, e)
     return load * used * slip
+
+
+@inlined
+def _pulls(
+    total: float, slip_front: float, slip_rear: float, load_front: float, load_rear: float, steering: float,
+    rolls: float, car: FloatArray, tires: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
+    """Return both axles' pull along their wheels [N] for a force on the car; `rolls`: rear way over the front's."""
+    cos, share = math.cos(steering), car[6]
+    if car[8] == 0.0:
+        drive = total / (share * cos + 1.0 - share)
+        return share * drive, (1.0 - share) * drive
+    front = rear = ratio_front = ratio_rear = 0.0
+    for _ in range(3):
+        front = load_front * _secant(slip_front, ratio_front, tires[0], tires[1], tires[2], tires[3])
+        rear = load_rear * _secant(slip_rear, ratio_rear, tires[4], tires[5], tires[6], tires[7])
+        ratio_rear = (total - front * (rolls - 1.0) * cos) / (front * rolls * cos + rear)
+        ratio_rear = min(max(ratio_rear, -1.0), 1.0)
+        ratio_front = rolls * (1.0 + ratio_rear) - 1.0
+    return front * ratio_front, rear * ratio_rear
 
 
 @inlined
@@ -152,19 +177,11 @@ def _slips(vy: float, r: float, steering: float, vx: float, car: FloatArray) -> 
 
 @inlined
 def _accelerations(
-    slip_front: float,
-    slip_rear: float,
-    vy: float,
-    r: float,
-    steering: float,
-    vx: float,
-    ax: float,
-    leaning: float,
-    car: FloatArray,
-    tires: FloatArray,
-) -> tuple[float, float]:
+    slip_front: float, slip_rear: float, vy: float, r: float, steering: float, vx: float, ax: float, leaning: float,
+    car: FloatArray, tires: FloatArray,
+) -> tuple[float, float]:  # fmt: skip
     """Return the lateral [m/s^2] and the yaw acceleration [rad/s^2]; `leaning` is the lateral one of the loads."""
-    mass, inertia, front, rear, height, gravity, share, half = car
+    mass, inertia, front, rear, height, gravity, share, half, _ = car
     length = front + rear
     load_front, load_rear = axle_loads(ax, front, rear, height, mass, gravity)
     cos, sin = math.cos(steering), math.sin(steering)
@@ -176,7 +193,9 @@ def _accelerations(
         return (across_front + force_rear) / mass, (front * across_front - rear * force_rear) / inertia
     # what drives the car overcomes the drag of the steered wheels, as at the force that turns the car
     drag = mass * leaning * rear / length * math.tan(steering)
-    drive = (mass * ax + drag) / (share * cos + 1.0 - share)
+    rolls = vx / (vx * cos + (vy + front * r) * sin)
+    total = mass * ax + drag
+    pull_front, pull_rear = _pulls(total, slip_front, slip_rear, load_front, load_rear, steering, rolls, car, tires)
     moved = 0.25 * mass * leaning * height / half  # load that goes to the outer tire of each axle [N]
     across = turning = 0.0
     for side in (-1.0, 1.0):  # right, left
@@ -185,7 +204,7 @@ def _accelerations(
         angle = math.atan2(length * sin, length * cos - side * half * sin)
         apart = (angle - math.atan2(vy + front * r, along)) - (steering - math.atan2(vy + front * r, vx))
         load = max(0.5 * load_front - side * moved, 0.0)
-        pull = 0.5 * share * drive
+        pull = 0.5 * pull_front
         force = _across(slip_front + apart, load, pull, tires[0], tires[1], tires[2], tires[3])
         cos_wheel, sin_wheel = math.cos(angle), math.sin(angle)
         to_left = force * cos_wheel + pull * sin_wheel
@@ -193,7 +212,7 @@ def _accelerations(
         turning += front * to_left - side * half * (pull * cos_wheel - force * sin_wheel)
         apart = math.atan2(vy - rear * r, vx) - math.atan2(vy - rear * r, along)
         load = max(0.5 * load_rear - side * moved, 0.0)
-        pull = 0.5 * (1.0 - share) * drive
+        pull = 0.5 * pull_rear
         force = _across(slip_rear + apart, load, pull, tires[4], tires[5], tires[6], tires[7])
         across += force
         turning += -rear * force - side * half * pull
@@ -202,18 +221,10 @@ def _accelerations(
 
 @kernel
 def simulate(
-    tires: FloatArray,
-    car: FloatArray,
-    relaxation_length: float,
-    gain: float,
-    steering: FloatArray,
-    forward_speed: FloatArray,
-    forward_acceleration: FloatArray,
-    step: float,
-    segments: NDArray[np.int64],
-    starts: FloatArray,
-    out: FloatArray,
-) -> None:
+    tires: FloatArray, car: FloatArray, relaxation_length: float, gain: float, steering: FloatArray,
+    forward_speed: FloatArray, forward_acceleration: FloatArray, step: float, segments: NDArray[np.int64],
+    starts: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
     """Simulate segments of a drive on its grid, each from its own state, by Heun's method in two parts of each step.
 
     Args:

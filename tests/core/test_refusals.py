@@ -547,7 +547,6 @@ OF_COMMANDS = {
     ("friction", "skidpad"): {"mu": ("0", "50", "1:"), "steering": ("0", "9"), "law": ("no.py:f",), "workers": "0"},
     ("render", "run"): {"camera": ("drone",), "quality": ("ultra",), "size": ("big",)},
     ("track", "export", "oval", "oval.yaml"): {"resolution": ("0", "-1", "1e-9")},
-    ("identify", "run", "--out", "tires.toml"): {"front-drive": ("-0.1", "1.5", "nan", "all")},
 }  # fmt: skip
 """What commands take besides settings, with values that none takes."""
 

@@ -138,7 +138,7 @@ def car_of(tires):
     mass, inertia, lf, lr, h = tires[2]
     return replace(Vehicle.load("nuc2").parameters, mass=mass, yaw_inertia=inertia, front_axle_distance=lf,
                    rear_axle_distance=lr, wheelbase=lf + lr, center_of_gravity_height=h, max_steering_angle=0.42,
-                   max_steering_rate=3.2, gravity=9.81)  # fmt: skip
+                   max_steering_rate=3.2, gravity=9.81, drives_front=False, shaft=False)  # fmt: skip
 
 
 def recorded(commands, tires, *, seed=0, noise=1.0, **steering):

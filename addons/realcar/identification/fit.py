@@ -84,7 +84,7 @@ class Fit:
 
 def force_points(problem: DriveProblem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return slip angles [rad] and F_y / F_z [-] of both axles by inverse dynamics, each (2, n), of moving nodes."""
-    mass, inertia, front, rear, height, gravity, share, _ = problem.car
+    mass, inertia, front, rear, height, gravity, share, *_ = problem.car
     inertia = inertia * parameters[INERTIA]
     motion = problem.motion
     nodes = np.concatenate([np.arange(*segment) for segment in problem.segments])

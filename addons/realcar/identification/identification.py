@@ -87,7 +87,6 @@ class Identification:
     drives: tuple[Drive, ...]
     hold_out: tuple[Drive, ...]  # that nothing was fitted to
     linear: bool
-    front_drive: float  # share of the drive at the front axle
     front: Axle
     rear: Axle
     steering_gain: Estimate  # [-]
@@ -231,7 +230,6 @@ def identify_drives(
     *,
     hold_out: Sequence[Drive] = (),
     linear: bool = False,
-    front_drive: float = 0.5,
     single_track: bool = False,
     budget: float = BUDGET,
     watch: Callable[[str], None] | None = None,
@@ -245,7 +243,6 @@ def identify_drives(
       drives: of one car.
       hold_out: drives of it that no parameter is fitted to; without, every third second of `drives` is held back.
       linear: find of each axle the stiffness alone.
-      front_drive: share of the drive at the front axle, 0 to 1: 0.5 with four driven wheels.
       single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
       budget: [s] of the clock on the wall, from the call on.
       watch: told in words how far it is.
@@ -259,12 +256,11 @@ def identify_drives(
     drives, hold_out = tuple(drives), tuple(hold_out)
     if not drives:
         raise SettingsError("no drive; accepted: one or more of the same car")
-    check_front_drive(front_drive)
     for drive in (*drives, *hold_out)[1:]:
         if drive.car != drives[0].car or drive.commanded != drives[0].commanded:
             what = "is of another car" if drive.car != drives[0].car else "has another kind of steering"
             raise SettingsError(f"{drive.name}: {what} than {drives[0].name}; accepted: drives of one car")
-    problems = _problems(drives, front_drive, single_track, watch, False if hold_out else None)
+    problems = _problems(drives, single_track, watch, False if hold_out else None)
     names = ", ".join(drive.name for drive in drives)
     if sum(len(problem.segments) for problem in problems) < _FEWEST:
         raise SettingsError(f"{names}: too short; accepted: {_FEWEST} stretches of 1 s above 1 m/s, or more")
@@ -280,7 +276,7 @@ def identify_drives(
     found = fit.parameters
     if watch is not None:
         watch("validation")
-    others = _problems(hold_out, front_drive, single_track, None, True) if hold_out else problems
+    others = _problems(hold_out, single_track, None, True) if hold_out else problems
     of_each = [_validate([problem], found, fit.noise) for problem in others]
     validation = _validate(others, found, fit.noise)
     if not validation.yaw_rate_relative < _MOST_RESIDUAL:
@@ -295,7 +291,7 @@ def identify_drives(
 
     front, rear = _axle(fit, 0, reached[0], linear), _axle(fit, 1, reached[1], linear)
     result = Identification(
-        drives=drives, hold_out=hold_out, linear=linear, front_drive=front_drive, front=front, rear=rear,
+        drives=drives, hold_out=hold_out, linear=linear, front=front, rear=rear,
         steering_gain=of("steering_gain"), steering_offset=of("steering_offset"), steering_lag=of("steering_lag"),
         steering_delay=of("steering_delay"), gyro_bias=of("gyro_bias"), lateral_gain=of("lateral_gain"),
         relaxation_length=Estimate(value=np.nan, half=np.nan) if single_track else of("relaxation_length"),
@@ -311,7 +307,6 @@ def identify_drives(
 
 def _problems(
     drives: Sequence[Drive],
-    front_drive: float,
     single_track: bool,
     watch: Callable[[str], None] | None,
     held: bool | None,
@@ -321,7 +316,7 @@ def _problems(
     for number, drive in enumerate(drives, start=1):
         if watch is not None:
             watch(f"smoothing drive {number}/{len(drives)}")
-        problem = DriveProblem(drive, front_drive=front_drive, single_track=single_track)
+        problem = DriveProblem(drive, single_track=single_track)
         if held is not None:
             problem.held_back[:] = held
         found.append(problem)
@@ -356,16 +351,6 @@ def _peak(fit: Fit, axle: int) -> tuple[Estimate, float]:
     at_bound = bool(fit.at_bound[4 * axle + TIRE.index("D")])
     sure = np.inf if at_bound else np.hypot(half[top], _NORMAL * _MODEL_ERRORS["peak"] * used[top])
     return Estimate(value=float(used[top]), half=float(sure)), float(slips[top])
-
-
-def check_front_drive(front_drive: float) -> None:
-    """Refuse a share of the drive that is none.
-
-    Raises:
-      SettingsError: less than 0, or more than 1.
-    """
-    if not 0.0 <= front_drive <= 1.0:
-        raise SettingsError(f"front_drive is {front_drive!r}; accepted: 0 to 1, the front axle's share of the drive")
 
 
 def held_back(

@@ -95,10 +95,10 @@ class DriveProblem:
       step: of the grid [s].
     """
 
-    def __init__(self, drive: Drive, *, front_drive: float, single_track: bool = False) -> None:
+    def __init__(self, drive: Drive, *, single_track: bool = False) -> None:
         self.drive = drive
         self.motion = smooth(drive)
-        self.car = car_array(drive.car, front_drive, single_track=single_track)
+        self.car = car_array(drive.car, single_track=single_track)
         self.single_track = single_track
         self.segments = _cut(self.motion)
         self.held_back = np.arange(len(self.segments)) % 3 == 2

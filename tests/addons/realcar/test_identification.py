@@ -54,7 +54,7 @@ def gentle(seconds):
 
 @pytest.fixture(scope="module")
 def found(exciting_drive):
-    return identify_drives([exciting_drive], front_drive=0.0, single_track=True)
+    return identify_drives([exciting_drive], single_track=True)
 
 
 def stiffness(tire):
@@ -93,7 +93,7 @@ def lap_error(found, tires, steering):
     """Relative rms of the yaw rate of a lap that no drive had, simulated from its commands in one piece."""
     commands = car.lap()
     drive = car.recorded(commands, tires, noise=0.0, **steering)
-    problem = DriveProblem(drive, front_drive=0.0, single_track=True)
+    problem = DriveProblem(drive, single_track=True)
     problem.segments = np.array([[0, len(problem.motion.time)]])
     yaw_rate = problem.run(found.fit.parameters, problem.smoothed[:1])[:, 1]
     _, states, _ = car.solve(commands, tires, **steering)
@@ -119,7 +119,7 @@ def test_the_lateral_velocity_is_smoothed_from_poses_and_accelerations(exciting_
 def test_the_model_drives_like_the_independent_one():
     commands = car.lap(10.0)
     drive = car.recorded(commands, TIRES, noise=0.0, lag=0.1)
-    problem = DriveProblem(drive, front_drive=0.0, single_track=True)
+    problem = DriveProblem(drive, single_track=True)
     problem.segments = np.array([[0, len(problem.motion.time)]])
     _, states, _ = car.solve(commands, TIRES, lag=0.1)
     time = car.FINE * np.arange(states.shape[1])
@@ -150,35 +150,43 @@ def roll(parameters):
     return parameters.mass * parameters.center_of_gravity_height / stiffness
 
 
-def test_the_two_track_model_drives_like_the_car_in_three_dimensions(tmp_path):
+def two_track(what, folder):
+    """A manoeuvre of the car in three dimensions, and a function that returns how far the model is off its yaw rate."""
     tires = fg.Tires.load("forzaeth_nuc6")
-    result = fg.drive("growing_slalom[speed=3,frequency=2]", tires=tires)
-    drive = Drive.of_run(fg.read_run(write_run(result, tmp_path / "run")))
+    result = fg.drive(what, tires=tires)
+    drive = Drive.of_run(fg.read_run(write_run(result, folder)))
     curves = [axle.lateral for axle in tires.axles]
     axles = [value for curve in curves for value in (curve.slope, curve.C, curve.D, curve.E)]
-    late = lateness(drive, result)
+    late, leans = lateness(drive, result), 1.0 + 9.81 * roll(drive.car)
 
-    def error(**changes):
-        """Of the yaw rate, relative, with the tires' own values and the servo's own lag and delay."""
-        single_track = changes.get("single_track", False)
-        problem = DriveProblem(drive, front_drive=0.5, single_track=single_track)
-        problem.car[1] -= changes.get("less_inertia", 0.0)
+    def error(*, single_track=False, less_inertia=0.0, gain=leans, **changes):
+        """Relative, with the tires' own values and the servo's own lag and delay."""
+        problem = DriveProblem(replace(drive, car=replace(drive.car, **changes)), single_track=single_track)
+        problem.car[1] -= less_inertia
         relaxation_length = 0.0 if single_track else tires.front.relaxation_length
-        gain = changes.get("gain", 1.0 + 9.81 * roll(drive.car))
         parameters = np.array([*axles, 1.0, 0.0, *late, relaxation_length, 0, 0, gain, 0, 0, 1.0, 1.0])
         nodes = problem.run(parameters, fitted_starts(problem, parameters, assumed_noise()))[:, 1]
         inside = ~np.isnan(nodes)
         measured = problem.motion.yaw_rate[inside]
         return np.sqrt(np.mean((nodes[inside] - measured) ** 2) / np.mean(measured**2))
 
+    return drive.car, error
+
+
+def test_the_two_track_model_drives_like_the_car_in_three_dimensions(tmp_path):
+    parameters, error = two_track("growing_slalom[speed=3,frequency=2]", tmp_path / "run")
     least = error()
     assert least < 0.02
     assert error(gain=1.0) > 1.2 * least  # of a car that does not roll
     assert error(single_track=True) > 0.06
-    parameters = drive.car
     spin = 4.0 * parameters.wheel_inertia * (0.5 * parameters.track_width / parameters.wheel_radius) ** 2
     assert 0.05 < spin / parameters.yaw_inertia < 0.1
     assert error(less_inertia=spin) > 1.3 * least
+
+
+def test_a_shaft_ties_the_axles_of_the_two_track_model_where_the_car_turns_tightly(tmp_path):
+    car, error = two_track("growing_slalom[speed=2,frequency=0.5,angle=0.4]", tmp_path / "run")
+    assert car.shaft and error() < 0.01 and error(shaft=False) > 0.02
 
 
 def test_the_formula_is_the_published_one():
@@ -214,7 +222,7 @@ def test_the_steering_is_exact_wherever_a_command_falls_between_two_nodes(delay)
 
 
 def test_a_gentle_drive_tells_the_stiffness_and_which_drive_would_tell_the_peaks():
-    partial = identify_drives([gentle(10.0)], front_drive=0.0, single_track=True)
+    partial = identify_drives([gentle(10.0)], single_track=True)
     assert {"front peak", "rear peak"} <= set(partial.untold)
     assert {"steering offset", "steering delay"} <= set(partial.told)
     said = partial.untold["front peak"]
@@ -223,7 +231,7 @@ def test_a_gentle_drive_tells_the_stiffness_and_which_drive_would_tell_the_peaks
     assert "slaloms that grow" in said
     assert f"not told: front peak: {said}" in partial.summary()
     assert "# Not determined by the drives, usual values: front peak: " in tire_text(partial)
-    found = identify_drives([gentle(20.0)], linear=True, front_drive=0.0, single_track=True)
+    found = identify_drives([gentle(20.0)], linear=True, single_track=True)
     for axle, tire in ((found.front, TIRES[0]), (found.rear, TIRES[1])):
         assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
     table = tomllib.loads(tire_text(found))
@@ -291,7 +299,7 @@ def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, pag
     pytest.importorskip("bokeh")
     out, report = tmp_path / "tires.toml", tmp_path / "page.html"
     words = ["identify", str(bag), "--out", str(out), "--report", str(report), "--vehicle", "nuc2"]
-    assert main([*words, "--front-drive", "0", "--single-track"]) == 0
+    assert main([*words, "--single-track"]) == 0
     said = capsys.readouterr().out
     assert "front stiffness" in said
     assert tomllib.loads(out.read_text())["front"]["D"] == pytest.approx(TIRES[0][2], rel=0.3)
@@ -319,7 +327,7 @@ def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
 
 def test_a_drive_that_is_held_out_changes_no_parameter(exciting_drive):
     gentle_drive = gentle(10.0)
-    options = {"linear": True, "front_drive": 0.0, "single_track": True}
+    options = {"linear": True, "single_track": True}
     whole = identify_drives([gentle_drive], hold_out=[exciting_drive], **options)
     turned = replace(exciting_drive, yaw_rate=replace(exciting_drive.yaw_rate, values=-exciting_drive.yaw_rate.values))
     other = identify_drives([gentle_drive], hold_out=[exciting_drive, gentle_drive], **options)
@@ -357,7 +365,7 @@ def test_the_response_of_the_speed_is_found(accelerations, brakes, exciting_driv
     drive = replace(exciting_drive, steering=channel("commands", time, 0 * time),
         yaw_rate=channel("gyro", time, 0 * time), speed=channel("speed", time, np.interp(time, fine, speeds)),
         pose=channel("pose", time, poses), acceleration=None, speed_command=channel("speed commands", time, commands))
-    problem = DriveProblem(drive, front_drive=0.5)
+    problem = DriveProblem(drive)
     parameters = np.array([12, 1.5, 1, 0.5] * 2 + [1, 0, 0, 0, 0.045, 0, 0, 1, 0, 0, 1, 1], float)
     found = speed_response([problem], parameters)
     assert (found.accelerations, found.braking) == (accelerations, brakes)
@@ -368,7 +376,7 @@ def test_the_response_of_the_speed_is_found(accelerations, brakes, exciting_driv
     else:
         assert found.time_constant[0] == pytest.approx(0.3, rel=0.15)
     silent = replace(drive, speed_command=None)
-    assert speed_response([DriveProblem(silent, front_drive=0.5)], parameters) == "no speed commands are recorded"
+    assert speed_response([DriveProblem(silent)], parameters) == "no speed commands are recorded"
 
 
 def test_the_identified_car_is_one_that_turns_its_wheels_as_it_was_found(found, tmp_path):
