@@ -16,12 +16,11 @@ from typing import TypeAlias
 import mujoco
 import numpy as np
 
-from ..errors import SettingsError
 from ..messages import DriveCommand, FloatArray, Odometry
 from ..simulation.physics import STATE, whole_steps
 from ..simulation.simulation import complete_state
 from ..vehicle.car import Car
-from ..vehicle.changes import GREATEST_MU, CarChanges
+from ..vehicle.changes import CarChanges
 from ..vehicle.tire_forces import TireForces
 from ..vehicle.tire_slip import add_axle_sensors
 from ..vehicle.tires import Tires
@@ -33,24 +32,6 @@ TICK = 0.025
 
 Driver: TypeAlias = Callable[[Odometry], DriveCommand]
 """What decides, once a period, from the present motion."""
-
-
-def require_mu(mu: float) -> None:
-    """Make sure that a friction coefficient is one that the lab accepts.
-
-    Raises:
-      SettingsError: it is not.
-    """
-    if not 0.0 < mu <= GREATEST_MU:
-        raise SettingsError(
-            f"mu, the friction coefficient of the tires, is {mu!r}; accepted: above 0, up to {GREATEST_MU:g}"
-        )
-
-
-def set_timestep(model: mujoco.MjModel, timestep: float | None) -> None:
-    """Set a compiled model's timestep [s]; None: leave that of its MJCF."""
-    if timestep is not None:
-        model.opt.timestep = timestep
 
 
 class LabGround:
@@ -81,14 +62,12 @@ class LabGround:
         vehicle: str | Vehicle = DEFAULT_VEHICLE,
         changes: CarChanges | None = None,
     ) -> None:
-        if mu is not None:
-            require_mu(mu)
         built = Vehicle.load(vehicle)
         tires = tires or built.tires
         spec = built.spec(mu, changes, tires)
         add_axle_sensors(spec)
         self.model = spec.compile()
-        set_timestep(self.model, timestep or tires.sliding_timestep)
+        self.model.opt.timestep = timestep or tires.sliding_timestep or self.model.opt.timestep
         self.data = mujoco.MjData(self.model)
         self.car = Car(self.model)
         self.forces = TireForces(self.model)

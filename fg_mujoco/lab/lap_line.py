@@ -4,24 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
 from ..course.polyline import step_lengths
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray
-
-
-class Laps(Protocol):
-    """The laps that were driven: a CarResult, or a LabLaps."""
-
-    @property
-    def lap_times_s(self) -> tuple[float, ...]:
-        """Times of the completed laps [s]."""
-
-    def column(self, name: str) -> FloatArray:
-        """Return a column of the telemetry. Shape (ticks,)."""
+from ..racing.result import CarResult
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,7 +28,7 @@ class DrivenLap:
         return np.asarray(np.interp(np.arange(count) / count, at / at[-1], speeds))
 
 
-def best_flying_lap(laps: Laps) -> int:
+def best_flying_lap(laps: CarResult) -> int:
     """Return the number of the fastest lap, except the first, which is from a standing start.
 
     Raises:
@@ -50,7 +39,7 @@ def best_flying_lap(laps: Laps) -> int:
     return 2 + int(np.argmin(laps.lap_times_s[1:]))
 
 
-def driven_lap(laps: Laps, lap: int, car: CarParameters) -> DrivenLap:
+def driven_lap(laps: CarResult, lap: int, car: CarParameters) -> DrivenLap:
     """Return a lap, from 2 on, as a closed line.
 
     A lap ends some millimetres beside where it began: that gap is spread over the lap.

@@ -2,8 +2,8 @@
 
 `laps` compares the best lap of each circuit with that of a point mass on the friction circle (`lap_time_bound`), on the
 line that the car drove. `mismatch` drives laps for each pair of the tires' friction and the one that the planner is
-told. Both take the planner and assist of the settings. Where a law of the user's is given, it limits the speed in the
-place of the planners' own limits: the planner keeps the stage `mean_range` only.
+told. Both take the planner and assist of the settings. Where another law is given, it limits the speed besides the
+assist. That is then `mean_range`, the field's own law, unless the settings name one; a faster law changes nothing.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from ..messages import Controller, DriveCommand, LaserScan, Odometry, PlannerContext
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
+from ..racing.entries import Entry
 from ..racing.planners import make_controller
 from ..racing.race import race_setup
 from ..racing.result import CarResult
@@ -75,7 +76,7 @@ def drive_laps(settings: LabSettings, track: str, mu: float, told: float, laps: 
         entry = replace(entry, mu=mu)
     if settings.law != DEFAULT_LAW:
         car = settings.ground(mu).car.parameters
-        context = replace(entry.context(car, None), assist=_ALONE if entry.assist == "full" else entry.assist)
+        context = replace(entry.context(car, None), assist=_assist(entry, settings.law))
         planner = make_controller(entry.controller, context, settings=entry.planner_settings)
         entry = replace(entry, controller=LawPlanner(planner, settings.speed_law, context), planner_settings={})
     result = race_setup(Setup(track=track, entries=(entry,), laps=laps))
@@ -184,7 +185,11 @@ MISMATCH: Experiment = Mismatch()
 
 def _who(settings: LabSettings) -> str:
     law = "" if settings.law == DEFAULT_LAW else f" by the law {settings.law!r}"
-    return f"{settings.entry.controller}{law}, assist {settings.entry.assist if not law else _ALONE}"
+    return f"{settings.entry.controller}{law}, assist {_assist(settings.entry, settings.law)}"
+
+
+def _assist(entry: Entry, law: str) -> str:
+    return _ALONE if law != DEFAULT_LAW and entry.assist == "full" else entry.assist
 
 
 def _draw_laps(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
@@ -213,7 +218,8 @@ def _draw_mismatch(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
             style.measured(axes, column(own, "ratio"), column(own, name), f"{track}, mu {mu:.3g}", colour=colour,
                            linestyle="-", linewidth=0.6)  # fmt: skip
             crashed = [row for row in own if not row["finished"]]
-            axes.plot(column(crashed, "ratio"), np.nan_to_num(column(crashed, name)), "x", color=colour, markersize=6.0)
+            foot = 0.03 + 0.0 * column(crashed, "ratio")  # of the picture
+            axes.plot(column(crashed, "ratio"), foot, "x", color=colour, ms=6.0, transform=axes.get_xaxis_transform())
         axes.plot([], [], "x", color="0.25", markersize=6.0, label="did not finish")
         axes.axvline(1.0, color="0.6", linewidth=0.8)
         style.finish(axes, "planner's mu over the tires' [-]", label, legend=axes is panels[0])

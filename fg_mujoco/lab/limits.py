@@ -190,7 +190,8 @@ class _RigidCar:
         shares = np.column_stack((slip, -np.arctan(left / forward))) / tires["peak_slip"]
         size = np.hypot(*shares.T) + 1e-12
         within = np.where(tires["holds"] > 0, np.minimum(size, 1.0), size)[:, np.newaxis] * tires["peak_slip"]
-        grip = held * self._mu / tires["peak"][:, 1] * (held / tires["nominal_load"]) ** -tires["load_sensitivity"]
+        sensed = [law.load_factor(each) for law, each in zip(self._laws, held.tolist(), strict=True)]
+        grip = held * np.array(sensed) * self._mu / tires["peak"][:, 1]
         pulls = [law.longitudinal.force(ratio) for law, ratio in zip(self._laws, within[:, 0].tolist(), strict=True)]
         pushes = [law.lateral.force(angle) for law, angle in zip(self._laws, within[:, 1].tolist(), strict=True)]
         along, across = (grip / size * shares.T) * np.array([pulls, pushes])

@@ -13,7 +13,8 @@ A step has no such closed form: what a tire has when the car turns in hangs on y
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 _STRAIGHT, _TURNING = 0.3, 1.2  # [s] ahead at first, and steered
 _LOW, _HIGH = 0.2, 3.0  # of the law's speed: what is looked at
 _WIDTH = 0.005  # of it: to which a speed is found
+
+_Law: TypeAlias = Callable[[Odometry], float] | None
 
 
 class Step:
@@ -57,8 +60,8 @@ class Step:
         speed = law(ground.car.odometry(ground.data))
         row: Row = {"mu": mu, "steering_rad": steering, "law_mu": told, "law_speed_m_s": speed}
         reason = "" if settings.tires.slides else NO_PEAK
-        for name in ("turn_in", "approach"):
-            value = math.nan if reason or not speed > 0.0 else _first_slide(ground, steering, speed, law, name)
+        for name, slowed in (("turn_in", None), ("approach", law)):
+            value = math.nan if reason or not speed > 0.0 else _first_slide(ground, steering, speed, slowed)
             row |= {f"{name}_over_law": value}
         steady = SteadyLimits.of(ground, told, steering).slides
         row |= {"circle_over_law_of_rigid_car": steady / speed if speed > 0.0 else math.nan}
@@ -88,33 +91,32 @@ class Step:
 EXPERIMENT: Experiment = Step()
 
 
-def _first_slide(ground: LabGround, steering: float, law_speed: float, law: object, how: str) -> float:
+def _first_slide(ground: LabGround, steering: float, law_speed: float, law: _Law) -> float:
     """Return the speed over the law's from which on a step slides a tire; infinite: not up to what is looked at."""
     top = min(_HIGH, ground.car.parameters.max_speed / law_speed)
-    if not _slides(ground, steering, top * law_speed, law, how):
+    if not _slides(ground, steering, top * law_speed, law):
         return math.inf
     low, high = 0.0, top
     while high - low > _WIDTH:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _slides(ground, steering, middle * law_speed, law, how) else (middle, high)
+        low, high = (low, middle) if _slides(ground, steering, middle * law_speed, law) else (middle, high)
     return 0.5 * (low + high)
 
 
-def _slides(ground: LabGround, steering: float, speed: float, law: object, how: str) -> bool:
-    """Return whether a tire slides in a step at a speed [m/s]."""
+def _slides(ground: LabGround, steering: float, speed: float, law: _Law) -> bool:
+    """Return whether a tire slides in a step at a speed [m/s], which a law limits from then on."""
     ground.place(speed)
     ground.drive(lambda odometry: DriveCommand(steering_angle=0.0, speed=speed), _STRAIGHT)
 
     def driver(odometry: Odometry) -> DriveCommand:
-        limit = law(odometry) if how == "approach" and callable(law) else math.inf
-        return DriveCommand(steering_angle=steering, speed=min(speed, limit))
+        return DriveCommand(steering_angle=steering, speed=speed if law is None else min(speed, law(odometry)))
 
     return bool(ground.drive(driver, _TURNING).slip.slides.any())
 
 
 def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
-    panels = zip(figure.subplots(1, 2), ("turn_in", "approach"), ("speed kept", "slowed by the law"), strict=True)
-    for axes, name, title in panels:
+    titles = {"turn_in": "speed kept", "approach": "slowed by the law"}
+    for axes, (name, title) in zip(figure.subplots(1, 2, sharey=True), titles.items(), strict=True):
         axes.axhline(1.0, color="0.6", linewidth=0.8)
         for index, mu in enumerate(dict.fromkeys(number(row, "mu") for row in rows)):
             own = [row for row in rows if number(row, "mu") == mu]
@@ -125,4 +127,5 @@ def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
         style.theory(axes, [], [], "lines: the steady circle of a rigid car")
         style.few_ticks(axes)
         axes.set_title(title, fontsize="medium")
-        style.finish(axes, "steering angle [rad]", "speed over the law's at which a tire slides [-]")
+        label = "speed over the law's at which a tire slides [-]" if name == "turn_in" else ""
+        style.finish(axes, "steering angle [rad]", label, legend=name == "turn_in")

@@ -24,16 +24,14 @@ class CarSensors:
     def __init__(self, model: mujoco.MjModel) -> None:
         self.meter = TireSlipMeter(model)
         self.parameters = car_parameters(model)
-        for name in ("position", "orientation", "accelerometer", "gyro", "steering_angle"):
+        for name in ("orientation", "accelerometer", "gyro"):
             setattr(self, name, sensor_slice(model, name))
         self.wheel_speeds = [sensor_slice(model, f"{wheel}_wheel_speed").start for wheel in WHEELS]
         self.velocities = [sensor_slice(model, f"{wheel}_wheel_velocity") for wheel in WHEELS]
 
-    position: slice
     orientation: slice
     accelerometer: slice
     gyro: slice
-    steering_angle: slice
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,20 +53,10 @@ class Trace:
         """Return the trace of the last so many seconds."""
         return self[-round(seconds / self.timestep) :]
 
-    @property
-    def time(self) -> FloatArray:
-        """Since the trace began. Shape (n,) [s]."""
-        return self.timestep * np.arange(len(self.records), dtype=np.float64)
-
     @cached_property
     def slip(self) -> TireSlip:
         """Slip of the tires, (n, 4)."""
         return self.sensors.meter.measure(np.ascontiguousarray(self.records), np.ascontiguousarray(self.states))
-
-    @property
-    def position(self) -> FloatArray:
-        """Shape (n, 2) [m], world frame."""
-        return self.records[:, self.sensors.position][:, :2]
 
     @cached_property
     def heading(self) -> FloatArray:
@@ -99,11 +87,6 @@ class Trace:
     def yaw_rate(self) -> FloatArray:
         """Shape (n,) [rad/s]."""
         return self.records[:, self.sensors.gyro][:, 2]
-
-    @property
-    def steering_angle(self) -> FloatArray:
-        """Shape (n,) [rad]."""
-        return self.records[:, self.sensors.steering_angle][:, 0]
 
     @cached_property
     def acceleration(self) -> FloatArray:
