@@ -30,6 +30,7 @@ _LONGEST = (0.35, 0.5)  # [-] of a short step times the fastest rate of the tire
 _MOST_STEPS = 64  # short ones in a physics step
 _MOST_COMMON = 16  # dofs that move more than one wheel, at most
 _FIRST_AXLE = "front"
+_SHARE = "{}_friction_share"  # numeric of a spec: what its pairs have of the vehicle's friction, as the tires have it
 _ALONG = 0.999  # [-] cosine between the axis of a tire and the axle of its wheel, at least
 _NEVER = -1.0  # [m] margin of a pair that MuJoCo is to leave alone: a tire is never as deep
 _COUPLED = 1.0  # [-] of what a tendon may damp in a physics step, which takes its force of the step's beginning
@@ -140,6 +141,13 @@ def put_on(spec: Any, tires: Tires) -> Tires:
         if numbers is not None:
             spec.delete(numbers)
             spec.nuserdata = 0
+        share = spec.numeric(_SHARE.format(name))
+        if share is not None:  # else each writing would take it once more
+            pairs = [spec.pair(f"{wheel}_tire") for wheel in WHEELS if wheel.startswith(name)]
+            for pair in (each for each in pairs if each is not None):
+                mu = six_digits(pair.friction[0] / share.data[0])
+                pair.friction = [mu, mu, *pair.friction[2:]]
+            spec.delete(share)
     if tires.is_contact:
         if spec.tendon("drive") is not None:
             tie_on_contacts(spec)
@@ -157,9 +165,10 @@ def put_on(spec: Any, tires: Tires) -> Tires:
         frictions += own
     tires = tires.on(*frictions)
     spec.nuserdata = USERDATA * len(found)
-    for name, axle in zip(("front", "rear"), tires.axles, strict=True):
+    for name, axle, friction in zip(("front", "rear"), tires.axles, (frictions[0], frictions[-1]), strict=True):
         numbers = [six_digits(value) for value in numbers_of(axle, tires.model)]
         spec.add_numeric(name=NUMERIC.format(name), data=numbers)
+        spec.add_numeric(name=_SHARE.format(name), data=[axle.lateral.peak / friction])
         for wheel in found:
             if wheel.startswith(name):
                 pair, mu = spec.pair(f"{wheel}_tire"), six_digits(axle.lateral.peak)

@@ -127,6 +127,17 @@ def test_a_set_of_the_vehicles_friction_is_scaled_to_it():
     assert [axle.lateral.peak for axle in split.axles] == [0.5, 0.7] and split.least_share == pytest.approx(5.0 / 7.0)
 
 
+@each("tires", ["f1tenth", "forzaeth_nuc6"])
+def test_a_car_that_is_written_keeps_its_friction_when_it_is_read_again(tmp_path, tires):
+    for spec in (fg.Vehicle.load("f1tenth").spec(tires=fg.Tires.load(tires)), None, None):
+        if spec is not None:
+            (tmp_path / "car.xml").write_text(spec.to_xml())
+        model = fg.Vehicle.load(tmp_path / "car.xml").compile()
+        (tmp_path / "car.xml").write_text(fg.Vehicle.load(tmp_path / "car.xml").spec().to_xml())
+        own = [float(model.pair(f"{wheel}_tire").friction[0]) for wheel in ("front_left", "rear_left")]
+        assert own == pytest.approx([0.940927, 1.0489], rel=1e-5)
+
+
 def test_the_default_set_has_measured_curves_and_the_friction_of_a_race():
     """Of `ipz`, whose front tires let go first, all forces times one number; planners are told the curves as scaled."""
     measured, car = Tires.load("ipz"), fg.Vehicle.load()
@@ -289,7 +300,7 @@ def test_a_sampled_law_is_near_the_law(law):
     assert (found.holds, found.has_peak) == (law.holds, law.has_peak)
 
 
-OWN_LAW = '''
+OWN_LAW = """
 import math
 from dataclasses import dataclass
 from fg_mujoco.vehicle.tires import Law
@@ -301,7 +312,7 @@ class Mine(Law):
     peak = property(lambda self: self.D)
     def force(self, slip):
         return math.copysign(self.D * math.sin(math.pi / 0.4 * min(abs(slip), 0.3)), slip)
-'''
+"""
 
 
 def own_set(folder, law=OWN_LAW, model="mine.py:Mine"):
