@@ -60,19 +60,12 @@ class CircleReading:
     k: float  # [-] speed of the rear axle over the law's
     speed: float  # [m/s]
     curvature: float  # [-] of the rear axle's path, over that of the steering angle, tan(d) / b
-    slide: float  # [m/s] greatest sliding speed of any tire; NaN: they have no peak
     sliding: NDArray[np.bool_]  # (4,) whether each tire slides, as `TireSlip.slides` says, at any time
     first_tire: str  # name of the one that slid first on the way here and in it; "": none
     lost: bool  # whether tires slid, and the car did not keep its speed
     acceleration: float  # [m/s^2] of the centre of gravity along the ground
-    loads: FloatArray  # (4,) [N]
     lifts: bool  # whether a wheel leaves the ground; of a car that is lost, before a tire slides
     odometry: Odometry  # at the end
-
-    @property
-    def why_lost(self) -> str:
-        """Why the car did not keep its speed; only of a reading in which it did not."""
-        return "the car slides" if self.lost else "the motor gives no more"
 
 
 class SteadyCircle:
@@ -183,7 +176,7 @@ class SteadyCircle:
                 traces.append(self.ground.hold(self._drive(command), _PERIOD))
         reading = self._read(join(traces), k)
         if reading.k < k - _SHORT and not reading.lost:
-            raise UnreachableError(f"{reading.why_lost} at {reading.speed:.2f} m/s; {target:.2f} were asked for")
+            raise UnreachableError(f"the motor gives no more at {reading.speed:.2f} m/s; {target:.2f} were asked for")
         self._settled[k] = self.ground.state, command, reading
 
     def _drive(self, command: float) -> DriveCommand:
@@ -225,12 +218,10 @@ class SteadyCircle:
             k=speed / self.law,
             speed=speed,
             curvature=float(trace.yaw_rate.mean()) / speed * self.car.wheelbase / math.tan(self.steering),
-            slide=float(np.fmax.reduce(slip.sliding_speed.ravel())),
             sliding=np.asarray((sliding if lost else slip.slides).any(axis=0)),
             first_tire=WHEELS[first[0, 1]] if len(first) else "",
             lost=lost,
             acceleration=float(np.hypot(*trace.acceleration.T).mean()),
-            loads=np.nan_to_num(slip.normal_force).mean(axis=0),
             lifts=self._lifts(whole if lost else trace, lost),
             odometry=self.ground.car.odometry(self.ground.data),
         )
