@@ -3,11 +3,11 @@
 1. The friction limiter turns the reference into a command that the tires can follow (friction_limiter).
 2. The wheels are turned by the slip angles that soft tires need more, and roll faster or slower than the ground (slip).
 3. The speed is corrected for the error of the odometry. The friction limiter asks for an acceleration a by commanding
-   the speed v + a tau, tau the time constant of the speed servo. Odometry that reads 5 % too much, as with worn tires,
-   adds 0.05 v / tau that nobody asked for: 4 m/s^2 at 8 m/s. The error is measured while driving: in each tick the
-   measured speed moves by the share 1 - exp(-period / tau) of the way to the command. Errors within 1 % are left alone,
-   because a car whose odometry is right measures as much. For a car on the remembered line, which needs most of its
-   braking, the whole error is corrected.
+   the speed v + (a + drag) tau, tau the time constant of the speed servo. Odometry that reads 5 % too much, as with
+   worn tires, adds 0.05 v / tau that nobody asked for: 4 m/s^2 at 8 m/s. The error is measured while driving: in each
+   tick the measured speed moves by the share 1 - exp(-period / tau) of the way to the command less drag tau. Errors
+   within 1 % are left alone: a car whose odometry is right measures as much. On the remembered line, which needs most
+   of the braking, the whole error is corrected.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..safety.friction_limiter import held_on_circle, limited
 from .planner_settings import Record
 from .reasons import GRIP, LOCK, TRANSIENTS, log_step
 from .reasons import SPEEDOMETER as BY_SPEEDOMETER
-from .slip import steered
+from .slip import drag, steered
 from .speed import share_of_way
 from .steering import saturate
 
@@ -58,7 +58,7 @@ def read_speedometer(memory: Record, speed: float, car: Record, period: float) -
     most = _MOST_USE * car.max_acceleration * min(car.power_limit_speed / max(abs(memory.speed), 1e-3), 1.0)
     if _LEAST_SPEED < memory.command < car.max_speed and abs(asked) < most and math.isfinite(speed):
         share = share_of_way(period, car.speed_time_constant)
-        given = memory.speed + (speed - memory.speed) / share
+        given = memory.speed + (speed - memory.speed) / share + car.speed_time_constant * drag(car, memory.speed)
         memory.error += _GAIN * (saturate(given / memory.command - 1.0, _MOST) - memory.error)
     memory.command, memory.speed = 0.0, speed
 

@@ -374,21 +374,26 @@ def velocity_angle(slip: Record, car: Record, speed: float, yaw_rate: float) -> 
 
 
 @kernel
+def drag(car: Record, speed: float) -> float:
+    """Return by how much friction of gears and of rolling slows a car [m/s^2] that drives forward at `speed` [m/s]."""
+    return float(car.rolling_resistance + car.rolling_damping * speed) if speed > 0.0 else 0.0
+
+
+@kernel
 def ground_speed(slip: Record, car: Record, wheels: float, steering_angle: float, command: float) -> float:
     """Return how fast a car moves [m/s] whose wheels, by a command of `command` [m/s], roll at `wheels` [m/s].
 
     The motor's servo pulls with a = (command - wheels) / its time constant, less what rolling takes. For this the
     wheels are faster than the ground by a slip ratio s, or slower: v = wheels / (1 + s). A car that brakes by half of
     its grip on tires of 5 /rad is faster by a tenth than its wheels tell. Tires are taken to be as stiff along as they
-    are across. A shaft that is
-    wound up by the steering angle [rad] makes the rear wheels faster, see `_wound_up`.
+    are across. A shaft that is wound up by the steering angle [rad] makes the rear wheels faster, see `_wound_up`.
     """
     if slip.wound_up > 0.0:
         wheels /= 1.0 + (1.0 - slip.wound_up) * (1.0 - math.cos(steering_angle))
     if not (wheels > _SLOW and command > 0.0):
         return wheels
     pull = saturate((command - wheels) / car.speed_time_constant, car.max_acceleration)
-    pull = (pull - car.rolling_resistance - car.rolling_damping * wheels) / car.gravity
+    pull = (pull - drag(car, wheels)) / car.gravity
     ratio = 0.5 * (slip_angle(slip.front, abs(pull)) + slip_angle(slip.rear, abs(pull)))
     return wheels / (1.0 + math.copysign(min(ratio, _MOST_RATIO), pull))
 

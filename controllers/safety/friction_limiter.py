@@ -22,7 +22,7 @@ acceleration that the tires can hold:
    soft tires on a shaft the axle that is nearest to its peak counts.
    A shaft makes both axles roll alike, though the front wheels' way is 1 / cos d of the rear ones': at .4 rad the tires
    slip by 4 % of the speed. Tires whose peak is at a smaller slip, as that of the ideal ones, slide then.
-   What slows the wheels by itself, friction of gears and of rolling, brakes by the tires, too: that much less is left.
+   Friction of gears and of rolling brakes by the tires, too: the motor drives with that much more and brakes with less.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
    With a shaft what one axle loses the other one gains, but a wheel swings on its tire, and a step of the force would
    overshoot. In a corner braking grows slower by the share that is left, down to .7 of that: where a car ends to turn
@@ -65,7 +65,7 @@ from ..control.planner_settings import (
     setting,
     setting_of_car,
 )
-from ..control.slip import SLIP, at_least_peak, driving_held, fastest_on, slip_row, stable_braking, tightest_arc
+from ..control.slip import SLIP, at_least_peak, drag, driving_held, fastest_on, slip_row, stable_braking, tightest_arc
 from ..control.speed import friction_speed, friction_steering, lifting_share, share_of_way
 from ..control.steering import saturate
 
@@ -237,6 +237,7 @@ def limited(
     acceleration = _approach(limiter, memory, allowed - speed_now, slope, math.tan(command), speed_now, period, planned)
     # the servo's acceleration falls while the command is held: the mean over the period is what was asked for
     reached = speed_now + acceleration * period / share_of_way(period, car.speed_time_constant)
+    reached += 0.0 if planned else car.speed_time_constant * drag(car, speed_now)
     if not math.isfinite(command + reached):
         memory.acceleration = memory.lateral_use = 0.0
         return 0.0, 0.0
@@ -364,8 +365,7 @@ def _approach(
         if limiter.slip.needs_slip_angle:
             share = stable_share(limiter, share, used, abs(speed_now))
         grown = min(before, 0.0) + most * max(share, _SLOWEST_GROWTH) * growth
-        rolls = 0.0 if speed_now <= 0.0 else car.rolling_resistance + car.rolling_damping * speed_now
-        return float(max(reference, min(most * share + rolls, 0.0), grown))
+        return float(max(reference, min(most * share, -drag(car, speed_now)), grown))
     return float(min(reference, most * share, max(before, 0.0) + most * growth))
 
 

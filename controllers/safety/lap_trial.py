@@ -25,7 +25,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
-from ..control.slip import arc_angle, steered, velocity_angle
+from ..control.slip import arc_angle, drag, steered, velocity_angle
 from ..control.steering import saturate
 from ..control.tracking import HEADING, X, Y, next_point
 from ..perception.lap_map import FAR
@@ -139,7 +139,7 @@ def move_car(trial: Record, limiter: Record, since: float, period: float) -> Non
     trial.steering = saturate(trial.steering + turn * step, car.max_steering_angle)
     v = max(trial.speed, 0.3)
     most = car.max_acceleration * min(car.power_limit_speed / v, 1.0)
-    drive = saturate((command[1] - trial.speed) / car.speed_time_constant, most)
+    drive = saturate((command[1] - trial.speed) / car.speed_time_constant, most) - drag(car, trial.speed)
     lf, lr, b, height = car.front_axle_distance, car.rear_axle_distance, car.wheelbase, car.center_of_gravity_height
     front_angle = trial.steering - math.atan2(trial.sideways + lf * trial.yaw_rate, v)
     rear_angle = -math.atan2(trial.sideways - lr * trial.yaw_rate, v)

@@ -165,10 +165,11 @@ def test_with_a_shaft_an_axle_has_what_its_curve_gives_at_the_slip_of_the_others
 
 
 def test_what_slows_the_wheels_by_itself_brakes_by_the_tires_too():
-    car, most = replace(CAR, rolling_resistance=0.2, rolling_damping=0.25), FrictionLimiter(CAR, MU).braking
-    for speed in (1.0, 4.0):
-        _, acceleration = settled(FrictionLimiter(car, MU), 0.0, 0.0, speed)
-        assert acceleration == pytest.approx(-(most - 0.2 - 0.25 * speed), rel=1e-4)
+    car, without = replace(CAR, rolling_resistance=0.2, rolling_damping=0.25), FrictionLimiter(CAR, MU)
+    for speed, wanted in ((1.0, 0.0), (4.0, 0.0), (4.0, 4.0), (1.0, 8.0)):
+        command, _ = settled(FrictionLimiter(car, MU), 0.0, wanted, speed)
+        slowed = command.speed - CAR.speed_time_constant * (0.2 + 0.25 * speed)  # what the wheels come to with drag
+        assert slowed == pytest.approx(settled(without, 0.0, wanted, speed)[0].speed, rel=1e-4)
     ipz = fg.Vehicle.load("ipz").parameters
     assert ipz.rolling_damping == pytest.approx(0.238, abs=0.01)  # [1/s] as identified
 

@@ -9,6 +9,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.control.actuation import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
 from fg_mujoco.controllers.control.planner_settings import CAR, record_values
+from fg_mujoco.controllers.control.slip import drag
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -19,13 +20,14 @@ SHARE = 1.0 - math.exp(-PERIOD / PARAMETERS.speed_time_constant)
 
 
 def driven(error, seconds, acceleration=0.0, start=4.0):
-    """A first-order servo that is told speeds that err, and asked for an acceleration; what it is told, each tick."""
+    """A first-order servo with drag, which commands overcome; it is told speeds that err, and given an acceleration."""
     memory, speed, told = np.zeros(1, SPEEDOMETER)[0], start, []
     for _ in range(round(seconds / PERIOD)):
         told.append(speed * (1.0 + error))
         read_speedometer(memory, told[-1], ROW, PERIOD)
-        command = command_speed(memory, told[-1] + acceleration * PERIOD / SHARE, ROW, TOP, PERIOD, LEFT_ALONE)
-        speed += SHARE * (command - speed)
+        asked = told[-1] + acceleration * PERIOD / SHARE + ROW["speed_time_constant"] * drag(ROW, told[-1])
+        command = command_speed(memory, asked, ROW, TOP, PERIOD, LEFT_ALONE)
+        speed += SHARE * (command - speed - ROW["speed_time_constant"] * drag(ROW, speed))
     return memory, np.array(told)
 
 
