@@ -58,14 +58,13 @@ def wall_ahead(distance):
 def test_a_reference_that_passed_goes_on_where_a_new_one_would_not():
     """It has to keep half of the margin, so that millimetres do not end a turn; and that half it has to keep."""
     stop = 4.0**2 / (2.0 * LIMITER.braking) + BUMPER
-    distances = stop + np.arange(0.0, 1.0, 0.005)
+    distances, margin = stop + np.arange(0.0, 1.0, 0.005), for_car(SafetyFilterSettings(), CAR).margin
 
     def nearest(**options):
-        answers = ((distance, filtered(wall_ahead(distance), **options)) for distance in distances)
+        answers = ((d, filtered(wall_ahead(d), margin_aside=margin, **options)) for d in distances)
         return next(distance for distance, (way, _, found) in answers if found and way == 0.0)
 
     new, kept, bare = nearest(), nearest(kept=True), nearest(margin=0.0)
-    margin = for_car(SafetyFilterSettings(), CAR).margin
     assert new - kept == pytest.approx(0.5 * margin, abs=0.006)
     assert kept - bare == pytest.approx(0.5 * margin, abs=0.006)
 
