@@ -36,8 +36,8 @@ NUC2 = COMMUNITY | {
 # of its owners: F1Tenth-INI/f1tenth_development_gym; and identified, docs/addons/realcar/identification.md
 IPZ = COMMUNITY | {
     "mass": 4.0, "front_axle_distance": 0.162, "rear_axle_distance": 0.145, "wheelbase": 0.307,
-    "yaw_inertia": 0.107, "lidar_offset": 0.27, "max_steering_angle": 0.4373, "steering_time_constant": 0.0561,
-    "command_delay": 0.0099,
+    "yaw_inertia": 0.1195, "lidar_offset": 0.27, "max_steering_angle": 0.4758, "steering_time_constant": 0.0530,
+    "command_delay": 0.0038,
 }  # fmt: skip
 
 
@@ -56,22 +56,22 @@ def test_a_compiled_car_has_its_published_measured_and_identified_constants(vehi
 def test_what_ipz_is_sent_becomes_the_angle_of_its_wheels_by_the_identified_map_and_a_command_is_that_angle():
     vehicle = Vehicle.load("ipz")
     response, angles = vehicle.command_response, np.array((-0.3, 0.0, 0.2))
-    assert response.wheel_angle(np.array((0.2, -0.1))) == pytest.approx((1.283 * 0.2 + 0.0054, 0.0054 - 0.1283))
+    assert response.wheel_angle(np.array((0.2, -0.1))) == pytest.approx((1.339 * 0.2 + 0.0019, 0.0019 - 0.1339))
     assert response.wheel_angle(response.steering_command(angles)) == pytest.approx(angles)
     commands = fg.Commands(time=np.array([0.0, 1.0]), steering_angle=np.full(2, 0.2), speed=np.full(2, 1.0))
     angle = fg.drive(commands, vehicle=vehicle).car.column("steering_angle_rad")
     assert angle[-1] == pytest.approx(0.2, abs=1e-4)
     turned = np.interp(0.2 * (1.0 - math.exp(-1.0)), angle, 0.025 * np.arange(len(angle)))
-    assert turned == pytest.approx(0.0561 + 0.0099, abs=0.015)  # its lag and delay, seen at ticks
+    assert turned == pytest.approx(0.0530 + 0.0038, abs=0.015)  # its lag and delay, seen at ticks
     assert response.acceleration(np.array((2.0, -2.0))) == pytest.approx((1.185 * 2.0, 0.0))
 
 
 def test_a_steering_ends_where_its_joint_does_whatever_is_commanded(tmp_path):
     file = tmp_path / "car.xml"
-    file.write_text(Vehicle.load("ipz").text.replace('ctrlrange="-0.4373 0.4373"', 'ctrlrange="-0.6 0.6"'))
+    file.write_text(Vehicle.load("ipz").text.replace('ctrlrange="-0.4758 0.4758"', 'ctrlrange="-0.6 0.6"'))
     commands = fg.Commands(time=np.array([0.0, 1.0]), steering_angle=np.full(2, -0.6), speed=np.full(2, 1.0))
     angle = fg.drive(commands, vehicle=file).car.column("steering_angle_rad")[-1]
-    assert angle == pytest.approx(-0.4373, abs=1e-6)
+    assert angle == pytest.approx(-0.4758, abs=1e-6)
 
 
 def test_whole_car_inertia_agrees_with_the_engine(flat):

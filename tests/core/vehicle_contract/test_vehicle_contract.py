@@ -108,7 +108,7 @@ def test_its_front_wheels_are_ackermanns_to_a_ten_thousandth(name):
         coefficients = model.eq_data[model.equality(f"ackermann_{side}").id, :5]
         exact = ackermann_angle(angles, limits.wheelbase, track_width)
         # of those that steer further, or on a shorter wheelbase, the best quartic is off by more
-        most = {"ipz": 1.4e-4, "autodrive": 3e-4}.get(name, 1.01e-4)
+        most = {"ipz": 2.1e-4, "autodrive": 3e-4}.get(name, 1.01e-4)
         assert np.abs(np.polynomial.polynomial.polyval(angles, coefficients) - exact).max() < most
 
 
