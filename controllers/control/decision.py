@@ -361,17 +361,26 @@ def _drive_filtered(
     passed, memory.passed_filter = memory.passed_filter, found and safe == reference
     if memory.passed_filter and guidance.follows and not keeps:
         keep_stop(guidance)
-    if not memory.passed_filter and (among or (passed and now > settings.crawl_speed and len(predictions) == 0)):
-        without, use_without, stops = safe_steering(
+    if passed and not memory.passed_filter and now > settings.crawl_speed and len(predictions) == 0 and not among:
+        margin = settings.margin_kept * (settings.margin if len(path) == 0 else settings.margin_aside)
+        braking = least_cornering(
+            limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, angle,
+            now, period, path, margin, 1.0, predictions, radius, guidance.frontier,
+        )  # fmt: skip
+        if braking >= 0.0:  # the stop of the last scan
+            memory.passed_filter = True
+            log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
+            return apply_limits(geometry, odometry, driver, memory, steering_angle, 0.0, braking)
+    if among and not memory.passed_filter:
+        without, use_without, _ = safe_steering(
             limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, 0.0,
             angle, now, period, path, True, predictions[:0], radius, guidance.frontier,
         )  # fmt: skip
-        if without == reference and (among or stops):
-            memory.passed_filter = not among
+        if without == reference:
             log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
             if keeps:
                 use_without = 1.0  # beside another car it has to follow the course
-            elif among:
+            else:
                 least = least_cornering(
                     limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment,
                     reference, angle, now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius,
