@@ -193,20 +193,24 @@ def _wound_up(slip: Record, angle: float) -> float:
 
 
 @kernel
-def driving_held(slip: Record, car: Record, angle: float, lateral: float, reverse: bool, use: float) -> float:
-    """Return the acceleration over g at which the inner rear tire has a share of its peak, as the car drives on an arc.
+def held_on_arc(slip: Record, car: Record, angle: float, lateral: float, back: bool, brakes: bool, use: float) -> float:
+    """Return the acceleration over g at which an inner tire has a share of its peak, as the car is on an arc.
 
-    On the arc of `angle` [rad] the front axle is dragged along by a wound-up shaft, see above, and the rear one has its
-    part to drive, too. Load moves to the rear axle, in reverse off it, and off the inner wheel by the lateral
-    acceleration over g; an open axle pulls alike with both.
+    On the arc of `angle` [rad] a wound-up shaft drags the front axle along, see above: of the slip of driving the rear
+    axle has the more, and of that of braking the front one. Load moves to the rear axle, of an acceleration `back` off
+    it, and off the inner wheel by the lateral acceleration over g; an open axle pulls alike with both, at a mean slip.
     """
     inner = max(1.0 - 2.0 * car.center_of_gravity_height / car.track_width * lateral, 0.0)
-    ratio = slip_angle(slip.rear, use * inner * slip.rear.D)
     wound = 1.0 - math.cos(angle) if slip.wound_up > 0.0 else 0.0
-    front = _axle_force(slip.front, ratio - wound) * car.rear_axle_distance / car.wheelbase
-    rear = _axle_force(slip.rear, ratio) * car.front_axle_distance / car.wheelbase
+    most, of_rear = use * slip.front.D, slip_angle(slip.rear, use * inner * slip.rear.D)
+    of_front = of_rear - wound
+    if brakes:
+        of_front = 0.5 * (slip_angle(slip.front, most) + slip_angle(slip.front, most * inner / (2.0 - inner)))
+        of_rear = of_front - wound
+    front = _axle_force(slip.front, of_front) * car.rear_axle_distance / car.wheelbase
+    rear = _axle_force(slip.rear, of_rear) * car.front_axle_distance / car.wheelbase
     moved = car.center_of_gravity_height * (rear / car.front_axle_distance - front / car.rear_axle_distance)
-    return float((front + rear) / (1.0 + moved if reverse else 1.0 - moved))
+    return float(max(front + rear, 0.0) / (1.0 + moved if back else 1.0 - moved))
 
 
 def at_least_peak(slip: np.void) -> tuple[float, float]:
@@ -380,22 +384,22 @@ def drag(car: Record, speed: float) -> float:
 
 
 @kernel
-def ground_speed(slip: Record, car: Record, wheels: float, steering_angle: float, command: float) -> float:
+def ground_speed(slip: Record, car: Record, wheels: float, angle: float, command: float) -> float:
     """Return how fast a car moves [m/s] whose wheels, by a command of `command` [m/s], roll at `wheels` [m/s].
 
     The motor's servo pulls with a = (command - wheels) / its time constant, less what rolling takes. For this the
     wheels are faster than the ground by a slip ratio s, or slower: v = wheels / (1 + s). A car that brakes by half of
     its grip on tires of 5 /rad is faster by a tenth than its wheels tell. Tires are taken to be as stiff along as they
-    are across. A shaft that is wound up by the steering angle [rad] makes the rear wheels faster, see `_wound_up`.
+    are across. A shaft that is wound up on the arc of `angle` [rad] makes the rear wheels faster. A command of 0: none.
     """
     if slip.wound_up > 0.0:
-        wheels /= 1.0 + (1.0 - slip.wound_up) * (1.0 - math.cos(steering_angle))
-    if not (wheels > _SLOW and command > 0.0):
+        wheels /= 1.0 + (1.0 - slip.wound_up) * (1.0 - math.cos(angle))
+    if not (abs(wheels) > _SLOW and command != 0.0):
         return wheels
     pull = saturate((command - wheels) / car.speed_time_constant, car.max_acceleration)
     pull = (pull - drag(car, wheels)) / car.gravity
     ratio = 0.5 * (slip_angle(slip.front, abs(pull)) + slip_angle(slip.rear, abs(pull)))
-    return wheels / (1.0 + math.copysign(min(ratio, _MOST_RATIO), pull))
+    return wheels / (1.0 + math.copysign(min(ratio, _MOST_RATIO), pull * wheels))
 
 
 @kernel
@@ -413,7 +417,9 @@ def to_velocity_frame(
       frame: of type VELOCITY_FRAME, written to.
     """
     yaw_rate, seen, last = odometry.angular_velocity[2], frame.odometry, frame.angle
-    speed = ground_speed(slip, car, odometry.speed, odometry.steering_angle, command)
+    fast = abs(odometry.speed) > _SLOW
+    turn = math.atan(car.wheelbase * yaw_rate / odometry.speed) if fast else odometry.steering_angle
+    speed = ground_speed(slip, car, odometry.speed, turn, command)
     excess = odometry.speed - speed
     frame.excess = excess if math.isfinite(excess) else 0.0  # what is not finite is not added to a command
     frame.angle = velocity_angle(slip, car, speed, yaw_rate)

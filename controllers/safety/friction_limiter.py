@@ -65,7 +65,7 @@ from ..control.planner_settings import (
     setting,
     setting_of_car,
 )
-from ..control.slip import SLIP, at_least_peak, drag, driving_held, fastest_on, slip_row, stable_braking, tightest_arc
+from ..control.slip import SLIP, at_least_peak, drag, fastest_on, held_on_arc, slip_row, stable_braking, tightest_arc
 from ..control.speed import friction_speed, friction_steering, lifting_share, share_of_way
 from ..control.steering import saturate
 
@@ -355,11 +355,14 @@ def _approach(
             used = max(used, moved, memory.lateral_use)
         memory.lateral_use = moved
     share = longitudinal_share(limiter, used, braking)
-    if limiter.slip.needs_slip_angle and reference * speed_now >= 0.0:
-        reverse, use = reference < 0.0, settings.accelerating_use
-        lateral = min(used, 1.0) * limiter.mu
-        held = car.gravity * driving_held(limiter.slip, car, math.atan(slope), lateral, reverse, use)
-        most = math.copysign(min(abs(most), held), most)
+    brakes = reference * speed_now < 0.0
+    if limiter.slip.needs_slip_angle and (car.shaft or not brakes):
+        use, lateral = settings.accelerating_use, min(used, 1.0) * limiter.mu
+        held = car.gravity * held_on_arc(limiter.slip, car, math.atan(slope), lateral, braking, brakes, use)
+        if brakes:
+            share = min(share, held * math.sqrt(max(1.0 - used * used, 0.0)) / abs(most))
+        else:
+            most = math.copysign(min(abs(most), held), most)
     before = memory.acceleration
     if braking:
         if limiter.slip.needs_slip_angle:

@@ -10,9 +10,9 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.control.slip import (
     arc_angle,
-    driving_held,
     ground_speed,
     held_arc,
+    held_on_arc,
     lock_arc,
     slip_angle,
     slip_row,
@@ -60,16 +60,17 @@ def test_a_car_at_full_lock_runs_on_the_arc_that_its_wound_up_shaft_leaves():
     assert arc < 0.96 * math.tan(0.4189) / car["wheelbase"]
 
 
-@each("reverse", [False, True])
-def test_the_rear_tires_drive_at_full_lock_up_to_their_share_of_the_peak(reverse):
-    ground = LabGround()
-    slip, car = (FrictionLimiter(ground.car.parameters, 0.94).record[0][name] for name in ("slip", "car"))
-    held, sign = driving_held(slip, car, 0.4, 0.0, reverse, 0.865) * 9.81, -1.0 if reverse else 1.0
-    ground.place(0.0)
-    ground.run([DriveCommand(steering_angle=0.42, speed=0.0)] * 20)
+@each("name, speed, sign", [("f1tenth", 0.0, 1.0), ("f1tenth", 0.0, -1.0), ("slipx_reference", 1.2, -1.0)])
+def test_tires_drive_and_brake_at_full_lock_up_to_their_share_of_the_peak(name, speed, sign):
+    ground = LabGround(tires=Tires.load(name).on(1.0489))
+    limiter, brakes = FrictionLimiter(ground.car.parameters, Vehicle.load().reliable_mu(Tires.load(name))), speed > 0.0
+    slip, car, lateral = limiter.record[0]["slip"], limiter.record[0]["car"], 0.13 * speed**2
+    ground.place(speed)
+    ground.run([DriveCommand(steering_angle=0.42, speed=speed)] * 20)
+    held = held_on_arc(slip, car, 0.4, lateral, sign < 0.0, brakes, 0.865) * 9.81
     driver = lambda odometry: DriveCommand(steering_angle=0.42, speed=odometry.speed + sign * held * 0.1)  # noqa: E731
     trace = ground.drive(driver, 0.3, 0.005)
-    use = trace.slip.friction_utilisation[-20:, 2:].mean()
+    use = trace.slip.friction_utilisation[-20:, slice(0, 2) if brakes else slice(2, 4)].mean()
     assert use == pytest.approx(0.865, abs=0.08) and not trace.slip.slides.any()
 
 
@@ -127,12 +128,12 @@ def test_planners_are_told_of_bristles_below_20_per_rad_and_read_their_force_bac
             assert slip_angle(slip["front"], force) == pytest.approx(angle)
 
 
-@each("pull", [-6.0, -3.0, 2.0])
-def test_the_speed_over_the_ground_is_told_of_wheels_that_brake_and_drive(pull):
+@each("pull, start, near", [(-6.0, 6.0, 0.015), (-3.0, 6.0, 0.015), (2.0, 3.0, 0.015), (-9.0, 1.5, 0.07)])
+def test_the_speed_over_the_ground_is_told_of_wheels_that_brake_and_drive(pull, start, near):
     ground = LabGround(tires=Tires.load("f1tenth_gym"))
     car = ground.car.parameters
     limiter, lag = FrictionLimiter(car, 1.0489).record[0], car.speed_time_constant
-    ground.place(6.0 if pull < 0.0 else 3.0)
+    ground.place(start)
     command = 0.0
     for _ in range(16):
         rolling = ground.car.odometry(ground.data).speed
@@ -140,7 +141,9 @@ def test_the_speed_over_the_ground_is_told_of_wheels_that_brake_and_drive(pull):
         trace = ground.hold(DriveCommand(steering_angle=0.0, speed=command), 0.005)
     rolling, moving = ground.car.odometry(ground.data).speed, trace.speed[-1]
     assert abs(rolling / moving - 1.0) > 0.03
-    assert ground_speed(limiter["slip"], limiter["car"], rolling, 0.0, command) == pytest.approx(moving, rel=0.015)
+    told = ground_speed(limiter["slip"], limiter["car"], rolling, 0.0, command)
+    assert told == pytest.approx(moving, rel=near)
+    assert ground_speed(limiter["slip"], limiter["car"], -rolling, 0.0, -command) == -told
     assert ground_speed(limiter["slip"], limiter["car"], rolling, 0.0, 0.0) == rolling  # no command is known
 
 
