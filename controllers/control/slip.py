@@ -112,11 +112,10 @@ def slip_row(car: CarParameters, mu: float, lateral: float) -> NDArray[np.void]:
     slip["steady"] = np.maximum(needed, slip["lead"])
     gradient = np.minimum.accumulate(np.gradient(needed, forces))
     slip["top_speed"] = car.max_speed
-    for index, speed in enumerate(np.linspace(0.0, car.max_speed, _SPEEDS).tolist()):
-        stable = forces[gradient >= -car.wheelbase * car.gravity / max(speed, 1e-3) ** 2]
-        force = max(stable.max(initial=0.0), _LEAST_USE * most)
-        lock, wheelbase, gravity = car.max_steering_angle, car.wheelbase, car.gravity
-        slip["tightest"][index] = _arc_within(slip, lock, speed, lock, wheelbase, gravity, force)
+    speeds = np.linspace(0.0, car.max_speed, _SPEEDS)
+    stable = gradient >= -car.wheelbase * car.gravity / np.maximum(speeds, 1e-3)[:, np.newaxis] ** 2
+    most_stable = np.maximum(np.where(stable, forces, 0.0).max(axis=1), _LEAST_USE * most)
+    _find_tightest(slip, speeds, most_stable, car.max_steering_angle, car.wheelbase, car.gravity)
     slip["stable"] = _stable(slip, car, mu)
     return row
 
@@ -130,23 +129,21 @@ def _stable(slip: np.void, car: CarParameters, mu: float) -> FloatArray:
     """
     braking = np.linspace(0.0, _MOST_USE * mu, 64)
     speeds = np.maximum(np.linspace(0.0, car.max_speed, _STOPS), 1e-3)
-    height, found = car.center_of_gravity_height, np.empty((_USES, _STOPS))
+    height, lateral = car.center_of_gravity_height, np.maximum(np.linspace(0.0, 1.0, _USES), _SMALL) * _MOST_USE * mu
     loads = 1.0 + height / car.rear_axle_distance * braking, 1.0 - height / car.front_axle_distance * braking
-    for index, use in enumerate(np.linspace(0.0, 1.0, _USES).tolist()):
-        lateral = max(use, _SMALL) * _MOST_USE * mu
-        leads, held = [], np.ones(64, np.bool_)
-        for force in (lateral, (1.0 - _SMALL) * lateral):
-            angles = []
-            for axle, load in zip((slip["front"], slip["rear"]), loads, strict=True):
-                across = force / np.maximum(load, 1e-3)
-                used = np.hypot(across, braking)
-                angles.append(across / used * _slip_angles(axle, used))
-                held &= used <= _MOST_USE * axle["D"]
-            leads.append(angles[0] - angles[1])
-        gradient = np.where(held, (leads[0] - leads[1]) / (_SMALL * lateral), -1e9)
-        gradient = np.minimum.accumulate(gradient)
-        found[index] = np.interp(car.wheelbase * car.gravity / speeds**2, -gradient, braking)
-    return found
+    leads, held = [], np.ones((_USES, 64), np.bool_)
+    for force in (lateral[:, np.newaxis], (1.0 - _SMALL) * lateral[:, np.newaxis]):
+        angles = []
+        for axle, load in zip((slip["front"], slip["rear"]), loads, strict=True):
+            across = force / np.maximum(load, 1e-3)
+            used = np.hypot(across, braking)
+            angles.append(across / used * _slip_angles(axle, used))
+            held &= used <= _MOST_USE * axle["D"]
+        leads.append(angles[0] - angles[1])
+    gradient = np.where(held, (leads[0] - leads[1]) / (_SMALL * lateral[:, np.newaxis]), -1e9)
+    gradient = np.minimum.accumulate(gradient, axis=1)
+    wanted = car.wheelbase * car.gravity / speeds**2
+    return np.array([np.interp(wanted, -row, braking) for row in gradient])
 
 
 def _formula(stiffness: float, peak: float, peak_slip: float) -> tuple[float, float, float]:
@@ -287,6 +284,15 @@ def _arc_within(
         else:
             high = middle
     return low
+
+
+@kernel
+def _find_tightest(
+    slip: Record, speeds: FloatArray, forces: FloatArray, lock: float, wheelbase: float, gravity: float
+) -> None:
+    """Write `tightest`: the arc at the lock, at each speed up to a lateral acceleration over g."""
+    for index in range(_SPEEDS):
+        slip.tightest[index] = _arc_within(slip, lock, speeds[index], lock, wheelbase, gravity, forces[index])
 
 
 @kernel

@@ -138,26 +138,45 @@ LIMITER_MEMORY = np.dtype(
 
 def _held(car: CarParameters, mu: float, moved: float, slip: np.void, braking: bool) -> FloatArray:
     """Return what 4 leaves [m/s^2], shape (_SHARES,): at the shares 1 - t^2 of the lateral grip, t from 0 to 1."""
-    uses, soft, sign = 1.0 - np.linspace(0.0, 1.0, _SHARES) ** 2, bool(slip["needs_slip_angle"]), 1 if braking else -1
-    peaks = np.array([[slip["front"]["D"]], [slip["rear"]["D"]]]) if soft else np.full((2, 1), mu)
-    forces = np.array(at_least_peak(slip))[:, np.newaxis] if soft and car.shaft else peaks
-    levers = np.array([[car.rear_axle_distance], [car.front_axle_distance]]) / car.wheelbase  # the loads at rest
-    pitch = sign * np.array([[1.0], [-1.0]]) * car.center_of_gravity_height / car.wheelbase
-    locks = np.array([[car.front_lock], [car.rear_lock]])
-    driven = np.array([car.drives_front, car.drives_rear])
-    low, high = np.zeros(_SHARES), np.full(_SHARES, _MOST_HELD)
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        loads = np.maximum(levers + pitch * middle, 1e-9)
-        used = uses * levers / loads
-        inner = np.minimum(np.maximum(1.0 - moved * used, 0.0) / np.maximum(1.0 - locks, 1e-9), 1.0)
-        kept = inner * np.sqrt(1.0 - np.minimum(used * mu / peaks, 1.0) ** 2)
-        if car.shaft:
-            held = (forces * loads * (kept.min(axis=0) if soft else kept)).sum(axis=0)
-        else:
-            held = driven.sum() * (peaks * loads * kept)[driven].min(axis=0)
-        low, high = np.where(middle <= held, middle, low), np.where(middle <= held, high, middle)
-    return low * car.gravity
+    soft = bool(slip["needs_slip_angle"])
+    peaks = (float(slip["front"]["D"]), float(slip["rear"]["D"])) if soft else (float(mu), float(mu))
+    forces = at_least_peak(slip) if soft and car.shaft else peaks
+    levers = car.rear_axle_distance / car.wheelbase, car.front_axle_distance / car.wheelbase  # the loads at rest
+    pitch = (1 if braking else -1) * car.center_of_gravity_height / car.wheelbase
+    axles = np.array([levers, (pitch, -pitch), peaks, forces, (car.front_lock, car.rear_lock),
+                      (car.drives_front, car.drives_rear)])  # fmt: skip
+    found = np.zeros(_SHARES)
+    _find_held(axles, float(mu), float(moved), soft, car.shaft, found)
+    return found * car.gravity
+
+
+@kernel
+def _find_held(axles: FloatArray, mu: float, moved: float, soft: bool, shaft: bool, found: FloatArray) -> None:
+    """Write the acceleration over g at each share; `axles` are the numbers of `_held`, of front and rear."""
+    levers, pitch, peaks, forces, locks, driven = axles[0], axles[1], axles[2], axles[3], axles[4], axles[5]
+    for index in range(_SHARES):
+        use = 1.0 - (index / (_SHARES - 1)) ** 2
+        low, high = 0.0, _MOST_HELD
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            least, together, weakest = 1.0, 0.0, math.inf
+            for axle in range(2):
+                load = max(levers[axle] + pitch[axle] * middle, 1e-9)
+                used = use * levers[axle] / load
+                inner = min(max(1.0 - moved * used, 0.0) / max(1.0 - locks[axle], 1e-9), 1.0)
+                kept = inner * math.sqrt(1.0 - min(used * mu / peaks[axle], 1.0) ** 2)
+                least = min(least, kept)
+                together += forces[axle] * load * (1.0 if soft else kept)
+                if driven[axle] > 0.0:
+                    weakest = min(weakest, (driven[0] + driven[1]) * peaks[axle] * load * kept)
+            held = weakest
+            if shaft:
+                held = together * least if soft else together
+            if middle <= held:
+                low = middle
+            else:
+                high = middle
+        found[index] = low
 
 
 def evasive(settings: FrictionLimiterSettings, car: CarParameters, mu: float) -> FrictionLimiterSettings:
