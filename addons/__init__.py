@@ -93,7 +93,6 @@ PARTS = {
     "localiser": "drivers.localisation.localiser:Localiser",
     "measured errors": "realcar.measured_errors:MeasuredErrors",
     "notebook": "look.notebook:notebook_html",
-    "policy batch": "learn.policy_batch:PolicyBatch",
     "pose settings": "drivers.localisation.localiser:PoseSettings",
     "race control": "arena.race_control.race_control:RaceControl",
     "raceline": "drivers.line_optimizer:raceline",

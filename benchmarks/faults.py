@@ -708,18 +708,6 @@ FAULTS = {
         tests="test_f110_interfaces.py test_f110.py",
     ),
     # add-ons: learn
-    "a pool that draws snapshots for the planners' share": Fault(
-        file="addons/learn/self_play.py",
-        old="if share < self.share or self.share == 1.0:",
-        new="if share >= self.share or self.share == 1.0:",
-        tests="test_self_play.py",
-    ),
-    "inputs that are multiplied by their deviation": Fault(
-        file="addons/learn/perceptron.py",
-        old="np.clip((values - self.mean) / self.std,",
-        new="np.clip((values - self.mean) * self.std,",
-        tests="test_policy_files.py",
-    ),
     "a base planner that remembers the last episode": Fault(
         file="addons/learn/residual.py",
         old="            self._together.reset(which)\n",

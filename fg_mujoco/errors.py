@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from .gone import gone
+
 _LEAST_PART = 3  # letters of a part by which a name is found
 
 _UNITS = ("_m", "_s", "_m_s", "_m_s2", "_rad", "_rad_s", "_N", "_V", "_A")
@@ -73,12 +75,16 @@ def nearest(name: object, known: Iterable[str], *, cutoff: float = 0.6) -> str |
 def accepted_names(name: object, known: Iterable[str], others: str = "", *, besides: Iterable[str] = ()) -> str:
     """Return the end of a message that refuses a name: "accepted: oval, tight; did you mean 'oval'?".
 
+    Of a name of what went it says what serves instead.
+
     Args:
       name: as it was given.
       known: names that are accepted.
       others: what else is accepted, in words, such as ", or path/to/file.xml".
       besides: further names that may have been meant, too many for the list.
     """
+    if (went := gone(str(name))) is not None:
+        return went
     known = list(known)
     meant = nearest(name, [*known, *besides])
     hint = "" if meant is None or meant == name else f"; did you mean {meant!r}?"

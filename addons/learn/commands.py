@@ -16,7 +16,7 @@ from fg_mujoco.course.documents import read_toml, read_value
 from fg_mujoco.course.files import is_file
 from fg_mujoco.errors import SettingsError
 
-_OWN = ("steps", "worlds", "seed", "threads", "checkpoints", "start_from", "estimate")
+_OWN = ("steps", "worlds", "seed", "threads", "checkpoints", "start_from")
 
 
 def _settings_of(name: str, text: str) -> Part:
@@ -26,8 +26,8 @@ def _settings_of(name: str, text: str) -> Part:
 
 @command(
     option(
-        "settings", "a file with steps, worlds, seed and the tables [environment], [ppo], [self_play]; "
-        "options win", "SETTINGS.toml", nargs="?",
+        "settings", "a file with steps, worlds, seed and the tables [environment] and [ppo]; options win",
+        "SETTINGS.toml", nargs="?",
     ),
     option(
         "--track", "of the environment; comma between two; default: random:0:100,random:0:100:tight", "LIST", names_in,
@@ -38,16 +38,11 @@ def _settings_of(name: str, text: str) -> Part:
     option("--seed", "seed of the worlds and of the network; default: 0", "K", whole),
     option("--threads", "threads of the worlds and of torch; default: 1", "N", whole),
     option("--start-from", "begin with the weights of another training's folder, or of a policy.zip", "PATH"),
-    option("--estimate", "privileged terms that the actor gets estimates of, as mu", "LIST", names_in),
     option("--checkpoints", "number of checkpoints; default: 20", "N", whole),
     _settings_of(
         "--env", "a setting of the environment, as 'observation=beams:54,speed,flat', speed_range=[0.5,6]"
     ),
     _settings_of("--ppo", "a setting of PPO, as gamma=0.995 or net=[64,64]"),
-    _settings_of(
-        "--self-play", "race opponents drawn from earlier versions and planners: share=0.5, every=250000, kept=10, "
-        "planners=[\"gap_finder\"]",
-    ),
     option("--out", "folder; the same command continues a training in it", "DIR", required=True),
     JSON,
     trust("load a checkpoint that you did not write here, which runs its code"),
@@ -101,10 +96,7 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
             for name, value in with_underscores(read_toml(options.settings).values).items()
         }
     found |= {name: value for name in _OWN if (value := getattr(options, name)) is not None}
-    given = {"environment": ("--env", options.env), "ppo": ("--ppo", options.ppo)}
-    if options.self_play or "self_play" in found:
-        given["self_play"] = ("--self-play", options.self_play)
-    for table, (name, texts) in given.items():
+    for table, name, texts in (("environment", "--env", options.env), ("ppo", "--ppo", options.ppo)):
         own = found.get(table, {})
         if not isinstance(own, dict):
             raise SettingsError(f"{options.settings}: {table} is {own!r}; accepted: a table, [{table}]")

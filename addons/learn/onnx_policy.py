@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import logging
 import tempfile
 import threading
 import time
@@ -143,8 +144,10 @@ def onnx_of_module(described: Mapping[str, Any], interface: PolicyInterface, mod
     example = tuple(torch.zeros((1, *shape)) for shape in shapes.values())
     module = module.to("cpu").eval()
     checks = torch.distributions.Distribution
-    checked = checks._validate_args
+    checked, log = checks._validate_args, logging.getLogger("torch.onnx")
     checks.set_default_validate_args(False)  # a check of values cannot be exported
+    level = log.level
+    log.setLevel(logging.ERROR)  # it warns of torchvision, which nothing here needs
     try:
         with tempfile.TemporaryDirectory() as folder, torch.no_grad():
             file = f"{folder}/policy.onnx"
@@ -155,6 +158,7 @@ def onnx_of_module(described: Mapping[str, Any], interface: PolicyInterface, mod
             return with_description(onnx.load(file), described)
     finally:
         checks.set_default_validate_args(checked)
+        log.setLevel(level)
 
 
 def with_description(model: Any, described: Mapping[str, Any]) -> bytes:

@@ -1,4 +1,4 @@
-"""A trained policy as a planner: what the engine builds of `policy.onnx`, `policy.zip` or a folder with a policy.json.
+"""A trained policy as a planner: what the engine builds of `policy.onnx`, `policy.zip` or a folder with a policy.onnx.
 
     fg-mujoco race --controller policy.onnx
 
@@ -24,7 +24,6 @@ import numpy as np
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import STOP, DriveCommand, FloatArray, LaserScan, Odometry, ScanGeometry
 from fg_mujoco.racing.planners import READ, PlannerScheme, file_in
-from fg_mujoco.registry import PARTS
 from fg_mujoco.simulation.planner_failure import one_line
 
 from .policy_files import Policy, policy_of, read_content
@@ -58,22 +57,6 @@ class PolicyPlanner:
     policy: ClassVar[Policy]
     sensors: ClassVar[tuple[str, ...]] = ()
     files = ()  # its own is the one that names it
-
-    @property
-    def batch_key(self) -> str | None:
-        """A text that is the same for planners that can be asked together; None: this one cannot.
-
-        It can where its policy is a network of ours that takes a flat observation of LiDAR, odometry and its commands,
-        and corrects no planner.
-        """
-        if self.sensors or self.policy.network is None:
-            return None
-        interface = self.policy.interface
-        return str(interface.described()) if interface.observation.flat and interface.residual is None else None
-
-    def new_batch(self, count: int) -> Any:
-        """Return the PolicyBatch that drives `count` cars by planners with the key of this one."""
-        return PARTS.find("policy batch")(self.policy, count)
 
     def __init__(self, max_speed: float, period: float, lidar: ScanGeometry | None = None) -> None:
         interface = self.policy.interface
@@ -205,7 +188,7 @@ def _zeroed(values: FloatArray) -> FloatArray:
 
 
 def find_policy(source: str) -> type[PolicyPlanner]:
-    """Return the class of planners of a policy file, or of the folder that has a policy.json.
+    """Return the class of planners of a policy file, or of the folder that has a policy.onnx.
 
     Raises:
       ControllerError: it cannot be read, or is no policy file.

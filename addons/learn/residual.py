@@ -49,7 +49,7 @@ class Residual:
     steering: float = 0.1  # [rad] greatest correction of the steering angle
     speed: float = 1.0  # [m/s] greatest correction of the speed
     slow: float = 0.0  # [m/s] that the planner commands, below which corrections are smaller in proportion; 0: nowhere
-    mu: float = 0.5  # friction coefficient that the planner assumes, where it does not learn it
+    mu: float = 0.5  # friction coefficient that the planner assumes
     latency: float | None = None  # [s] that it assumes; None: that of the environment's LiDAR and car, where not drawn
 
     def __post_init__(self) -> None:

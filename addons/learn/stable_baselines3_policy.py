@@ -1,4 +1,4 @@
-"""Policies of Stable-Baselines3: its zip files with an interface inside, and their networks for the other forms.
+"""Policies of Stable-Baselines3: its zip files with an interface inside, and their networks as torch modules.
 
 A zip file is what `model.save` writes, with one member more, `fg_mujoco.json`: the description of the policy, the class
 of the algorithm, and the statistics of VecNormalize where the training had one. `Algorithm.load` reads it as any other.
@@ -23,7 +23,6 @@ from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import SettingsError, missing_extra
 from fg_mujoco.simulation.planner_failure import one_line
 
-from .perceptron import Layer, Normaliser, Perceptron
 from .policy_shapes import Act, Values, observed_shapes, parts_of, require_shapes
 
 MEMBER = "fg_mujoco.json"
@@ -33,7 +32,6 @@ _MOST_BYTES = 2**24  # of the member
 _PACKAGES = ("stable_baselines3", "sb3_contrib")
 _STATISTICS = ("obs_rms", "ret_rms")
 _GREATEST = 1e38  # of `clip_obs`, of float32: JSON knows no infinity
-_ACTIVATIONS = {"ReLU": "relu", "Tanh": "tanh", "ELU": "elu", "SiLU": "silu", "Sigmoid": "sigmoid"}
 
 
 def is_model(policy: Any) -> bool:
@@ -207,100 +205,17 @@ def _act(model: Any, statistics: tuple[Statistics, float], unseen: Observed, obs
     return found
 
 
-def network_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[str]) -> Perceptron:
-    """Return the network of a policy of Stable-Baselines3, or of a torch Sequential, that gives its mean action.
-
-    Args:
-      policy: of an algorithm, or a torch module.
-      normalize: as `normalize_described` returned; None: no statistics.
-      inputs: names of the observation's parts in the order in which the network takes them.
-
-    Raises:
-      SettingsError: it is not made of linear layers and known activations.
-    """
-    statistics, clip = statistics_of({"vec_normalize": normalize})
-    normaliser = None
-    if statistics:
-        mean, std = (np.concatenate([statistics[name][i].ravel() for name in inputs]) for i in (0, 1))
-        normaliser = Normaliser(mean=mean, std=std, clip=clip)
-    modules, last = _modules_of(policy)
-    layers = _layers_of(modules)
-    if last is not None and layers:
-        layers[-1] = Layer(weights=layers[-1].weights, bias=layers[-1].bias, activation="tanh")
-        layers.append(last)
-    own = getattr(policy, "estimator", None)
-    if own is None:
-        return Perceptron(layers=tuple(layers), normaliser=normaliser)
-    estimator = Perceptron(layers=tuple(_layers_of(_flat(own))))
-    first, present = layers[0], [*policy.present, *range(estimator.inputs, estimator.inputs + estimator.outputs)]
-    weights = np.zeros((len(first.bias), present[-1] + 1), np.float32)  # 0: of the past, which the actor does not take
-    weights[:, present] = first.weights
-    layers[0] = Layer(weights=weights, bias=first.bias, activation=first.activation)
-    return Perceptron(layers=tuple(layers), normaliser=normaliser, estimator=estimator)
-
-
-def _layers_of(modules: list[Any]) -> list[Layer]:
-    """Return the layers of modules of torch.
-
-    Raises:
-      SettingsError: a module that is no linear layer or known activation.
-    """
-    layers: list[Layer] = []
-    for module in modules:
-        kind = type(module).__name__
-        if kind in ("Flatten", "Identity", "Dropout"):
-            continue
-        if kind == "Linear":
-            bias = np.zeros(module.out_features) if module.bias is None else module.bias.detach().cpu().numpy()
-            layers.append(Layer(weights=module.weight.detach().cpu().numpy(), bias=bias))
-        elif kind in _ACTIVATIONS and layers and layers[-1].activation == "none":
-            layers[-1] = Layer(weights=layers[-1].weights, bias=layers[-1].bias, activation=_ACTIVATIONS[kind])
-        else:
-            names = ", ".join(["Linear", *_ACTIVATIONS])
-            raise SettingsError(f"a network with a {kind} has no form in a policy.json; accepted: {names}; or .onnx")
-    return layers
-
-
-def _modules_of(policy: Any) -> tuple[list[Any], Layer | None]:
-    """Return the modules from an observation to an action, and the layer that scales a squashed action."""
-    import torch
-
-    if isinstance(policy, torch.nn.Sequential):
-        return _flat(policy), None
-    if not hasattr(policy, "mlp_extractor") and not hasattr(policy, "actor"):
-        said = f"a {type(policy).__name__} has no form in a policy.json"
-        raise SettingsError(f"{said}; accepted: a Perceptron, a torch Sequential, an MlpPolicy; or .onnx")
-    extractor = getattr(policy if hasattr(policy, "mlp_extractor") else policy.actor, "features_extractor", None)
-    if type(extractor).__name__ not in ("FlattenExtractor", "CombinedExtractor"):
-        said = f"a policy with the features of a {type(extractor).__name__} has no form in a policy.json"
-        raise SettingsError(f"{said}; accepted: an MlpPolicy or MultiInputPolicy; or .onnx")
-    if hasattr(policy, "mlp_extractor"):
-        return [*_flat(policy.mlp_extractor.policy_net), policy.action_net], None
-    actor, space = policy.actor, policy.action_space
-    middle, half = 0.5 * (space.high + space.low), 0.5 * (space.high - space.low)
-    scale = Layer(weights=np.diag(half), bias=middle)
-    if hasattr(actor, "latent_pi"):  # SAC
-        return [*_flat(actor.latent_pi), actor.mu], scale
-    modules = _flat(actor.mu)  # TD3, DDPG
-    return (modules[:-1] if type(modules[-1]).__name__ == "Tanh" else modules), scale
-
-
-def _flat(module: Any) -> list[Any]:
-    """Return the modules of a Sequential, and of those in it, one after the other."""
-    return [inner for each in module for inner in (_flat(each) if type(each).__name__ == "Sequential" else [each])]
-
-
-def module_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[str]) -> Any:
+def module_of(model: Any, inputs: list[str]) -> Any:
     """Return a torch module of observations, whose parts it takes in their order, that returns mean actions (n, 2).
 
     Args:
-      policy: of an algorithm of Stable-Baselines3.
-      normalize: as `normalize_described` returned; None: no statistics.
+      model: an algorithm of Stable-Baselines3.
       inputs: names of the observation's parts.
     """
     import torch
 
-    statistics, clip = statistics_of({"vec_normalize": normalize})
+    policy = model.policy
+    statistics, clip = statistics_of({"vec_normalize": normalize_described(model)})
     tensors = {name: tuple(torch.as_tensor(each, dtype=torch.float32) for each in pair)
                for name, pair in statistics.items() if name in inputs}  # fmt: skip
     spaces = getattr(policy.observation_space, "spaces", {})

@@ -4,11 +4,10 @@
     fg.race("oval", "first")
 
     training.json       the settings, the versions, and how far it is
-    policy.json         the policy as it is now: the folder is a planner
+    policy.onnx         the policy as it is now: the folder is a planner
     checkpoints/        policy.zip files with the optimiser and the statistics of rewards, one every few steps
     progress.jsonl      one line an iteration: returns, ends, lap times, sliding, losses
     log/                the same for TensorBoard
-    opponents/          with self-play, the earlier versions of the policy that it meets
 
 The same call goes on with the last checkpoint; `steps` may then be more. Ctrl-C writes a checkpoint and the policy.
 Training that went on has other bits than training without an interruption, as all episodes begin anew.
@@ -19,7 +18,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +32,6 @@ from fg_mujoco.racing.run_folder import check_run_folder, was_made_here
 from fg_mujoco.simulation.settings import known_settings
 
 from .policy_files import read_content
-from .self_play import Snapshots
 from .stable_baselines3_policy import load_model, restore_normalize, zip_description
 from .training_settings import CHECKPOINTS, LOG, MAY_CHANGE, SCHEMA, SETTINGS, TrainingProgress, TrainingSettings
 
@@ -92,18 +90,12 @@ def train(
         from .stable_baselines3_env import F1TenthVecEnv
     except ImportError as error:
         raise missing_extra("training needs Stable-Baselines3", "train") from error
-    from .training_callbacks import Record, Recording, SelfPlaying
+    from .training_callbacks import Record, Recording
 
     began = time.perf_counter()
     torch.set_num_threads(chosen.threads)
-    snapshots: Snapshots | None = None
-    if chosen.self_play is not None:
-        snapshots = Snapshots(folder, chosen.self_play, 0 if last is None else int(last.stem))
-    drawn = chosen.drawn_environment(snapshots.files if snapshots else ())
-    env = F1TenthVecEnv(chosen.worlds, threads=chosen.threads, **drawn)
+    env = F1TenthVecEnv(chosen.worlds, threads=chosen.threads, **chosen.environment)
     try:
-        if snapshots is not None:
-            replace(env.policy_interface, privileged=()).require_on_board()  # of the cars that snapshots drive
         model = _new_model(chosen, env) if last is None else _old_model(chosen, env, last, content)
         if last is None and begins_with is not None:
             _take_weights(model, env.policy_interface, begins_with, content)
@@ -113,17 +105,10 @@ def train(
         record = Record(folder, model, chosen, env.policy_interface)
         record.write_settings()
         model.set_logger(Logger(str(folder / LOG), record.formats()))
-        own: list[Any] = [Recording(record, watch)]
-        if snapshots is not None:
-            own.append(SelfPlaying(record, env, snapshots))
-        if chosen.estimate is not None:
-            from .estimating_policy import Estimation
-
-            own.append(Estimation())
         if model.num_timesteps < chosen.steps:
             try:
                 model.learn(
-                    chosen.steps - model.num_timesteps, callback=[*own, *callbacks],
+                    chosen.steps - model.num_timesteps, callback=[Recording(record, watch), *callbacks],
                     reset_num_timesteps=last is None,
                 )  # fmt: skip
             finally:
@@ -147,15 +132,13 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
     names = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "vf_coef", "max_grad_norm",
              "target_kl")  # fmt: skip
     env.seed(settings.seed)
-    kind, only_its = _policy_class(settings, env)
     model = stable_baselines3.PPO(
-        kind, _normalised(settings, env),
+        _policy_class(env), _normalised(settings, env),
         learning_rate=LinearSchedule(own.learning_rate, 0.05 * own.learning_rate, 1.0),
         batch_size=own.n_steps * settings.worlds // own.minibatches,
         policy_kwargs={
             "net_arch": list(own.net), "activation_fn": activations[own.activation],
             "log_std_init": _LOG_STD if own.log_std is None else own.log_std,
-            **only_its,
         },
         seed=settings.seed, device="cpu", **{name: getattr(own, name) for name in names},
     )  # fmt: skip
@@ -197,19 +180,13 @@ def _take_weights(model: Any, interface: PolicyInterface, file: Path, content: b
         raise ControllerError(f"start_from {file}: {said}") from error
 
 
-def _policy_class(settings: TrainingSettings, env: F1TenthVecEnv) -> tuple[Any, dict[str, Any]]:
-    """Return the class of the policy, and its own settings: the actor does not see what is privileged."""
-    if settings.estimate is not None:
-        from .estimating_policy import EstimatingPolicy
-
-        parts = [env.envs.privileged_parts[name] for name in settings.estimate]
-        places = [place for part in parts for place in range(part.start, part.stop)]
-        return EstimatingPolicy, {"estimated": places, "present": env.envs.present.tolist()}
+def _policy_class(env: F1TenthVecEnv) -> Any:
+    """Return the class of the policy: the actor does not see what is privileged."""
     if env.policy_interface.privileged:
         from .stable_baselines3_env import AsymmetricPolicy
 
-        return AsymmetricPolicy, {}
-    return "MultiInputPolicy" if env.observation_space.shape is None else "MlpPolicy", {}
+        return AsymmetricPolicy
+    return "MultiInputPolicy" if env.observation_space.shape is None else "MlpPolicy"
 
 
 def _old_model(settings: TrainingSettings, env: F1TenthVecEnv, checkpoint: Path, content: bytes) -> Any:

@@ -11,15 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, TensorBoardOutputFormat
 
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.envs.policy_interface import PolicyInterface
 
-from .policy_files import policy_content, save_policy
-from .self_play import Snapshots
-from .stable_baselines3_env import EpisodeLog, F1TenthVecEnv
+from .policy_files import save_policy
+from .stable_baselines3_env import EpisodeLog
 from .training_settings import CHECKPOINTS, LOG, PROGRESS, SCHEMA, SETTINGS, TrainingProgress, TrainingSettings
 
 
@@ -54,18 +52,11 @@ class Record:
 
     def save(self) -> None:
         """Write a checkpoint and the policy."""
-        steps, trained = int(self.model.num_timesteps), self._trained()
+        steps, seed = int(self.model.num_timesteps), self.settings.seed
+        trained = {"steps": steps, "seed": seed, "environment": self.settings.described()["environment"]}
         (self.folder / CHECKPOINTS).mkdir(exist_ok=True)
         save_policy(self.model, self.folder / CHECKPOINTS / f"{steps:010}.zip", self._interface, trained=trained)
         save_policy(self.model, self.folder, self._interface, trained=trained)
-
-    def policy_json(self) -> bytes:
-        """Return the policy as it is, as a policy.json."""
-        return policy_content(self.model, ".json", self._interface, self._trained())
-
-    def _trained(self) -> dict[str, Any]:
-        steps, seed = int(self.model.num_timesteps), self.settings.seed
-        return {"steps": steps, "seed": seed, "environment": self.settings.described()["environment"]}
 
     def close(self) -> None:
         """Close the files of figures."""
@@ -119,26 +110,3 @@ class Recording(EpisodeLog):
             rate = (steps - self._first) / (time.perf_counter() - self._began)
             total = self._record.settings.steps
             self._watch(TrainingProgress(steps=steps, total=total, rate=rate, figures=self._record.figures))
-
-
-class SelfPlaying(BaseCallback):  # type: ignore[misc]
-    """Adds the policy to the opponents that its environment draws, at the ends of iterations.
-
-    Args:
-      record: of the training.
-      env: of the training, which draws from the snapshots that are there.
-      snapshots: of the training.
-    """
-
-    def __init__(self, record: Record, env: F1TenthVecEnv, snapshots: Snapshots) -> None:
-        super().__init__()
-        self._record, self._env, self._snapshots = record, env, snapshots
-
-    def _on_step(self) -> bool:
-        return True
-
-    def _on_rollout_start(self) -> None:
-        steps = int(self.model.num_timesteps)
-        if self._snapshots.due(steps):
-            self._snapshots.add(steps, self._record.policy_json())
-            self._env.envs.set_randomization({"opponent": self._snapshots.pool()})

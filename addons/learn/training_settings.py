@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,6 @@ from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import require, require_whole, shown
 from fg_mujoco.simulation.settings import as_part
-
-from .self_play import USUAL_RACE, SelfPlay
 
 SETTINGS, PROGRESS, CHECKPOINTS, LOG = "training.json", "progress.jsonl", "checkpoints", "log"
 """Files and folders of a training."""
@@ -33,7 +31,7 @@ USUAL_ENVIRONMENT: Mapping[str, Any] = {
 
 USUAL_RESIDUAL: Mapping[str, Any] = {
     "observation": "beams:72,planner_command:history=3,speed:history=3,wheel_speeds,yaw_rate:history=3,"
-    "acceleration:history=3,steering:history=3,previous_action:history=3,friction,normalised,flat",
+    "acceleration:history=3,steering:history=3,previous_action:history=3,normalised,flat",
     "action": "steering,speed", "speed_range": (-5.0, 8.0),
 }  # fmt: skip
 """Further ones, where the policy corrects a planner."""
@@ -106,17 +104,13 @@ class TrainingSettings:
     threads: int = 1  # that step the worlds, and that torch computes with
     checkpoints: int = 20  # how many are written, evenly
     ppo: PPO = field(default_factory=PPO)
-    self_play: SelfPlay | None = None  # who the opponents are; None: those of the environment
-    estimate: tuple[str, ...] | None = None  # privileged terms that the actor gets estimates of; see EstimatingPolicy
     start_from: str | None = None  # folder of another training, or a policy.zip, whose weights are the first ones
 
     def __post_init__(self) -> None:
         if not isinstance(self.environment, Mapping):
             raise SettingsError(f"environment is {shown(self.environment)}; accepted: settings by name")
-        if self.self_play is not None:
-            object.__setattr__(self, "self_play", as_part(self.self_play, SelfPlay, "self_play"))
         object.__setattr__(self, "ppo", as_part(self.ppo, PPO, "ppo"))
-        usual = dict(USUAL_ENVIRONMENT) | ({} if self.self_play is None else dict(USUAL_RACE))
+        usual = dict(USUAL_ENVIRONMENT)
         if self.environment.get("residual") is not None:
             usual |= USUAL_RESIDUAL
         object.__setattr__(self, "environment", usual | dict(self.environment))
@@ -133,36 +127,7 @@ class TrainingSettings:
         if self.worlds * self.ppo.n_steps % self.ppo.minibatches:
             said = f"minibatches is {self.ppo.minibatches}, of {self.worlds} worlds times {self.ppo.n_steps} steps"
             raise SettingsError(f"{said}; accepted: a divisor of that")
-        environment = EnvironmentSettings.of(self.drawn_environment())
-        if self.estimate is not None:
-            self._check_estimate([term.name for term in environment.privileged])
-            if not environment.observation.flat:
-                said = f"estimate with the observation {str(environment.observation)!r}"
-                raise SettingsError(f"{said}; accepted: with one that is flat")
-        environment.make_world()  # refuses what cannot be driven before torch is imported
-
-    def _check_estimate(self, privileged: Sequence[str]) -> None:
-        """Read the names of `estimate`; raise SettingsError if one is not privileged."""
-        given = [each.strip() for each in self.estimate.split(",")] if isinstance(self.estimate, str) else self.estimate
-        if not isinstance(given, (list, tuple)) or not given:
-            said = f"estimate is {shown(self.estimate)}"
-            raise SettingsError(f"{said}; accepted: names of privileged terms, such as 'mu'")
-        for name in given:
-            if name not in privileged:
-                raise SettingsError(f"estimate has {shown(name)}; {accepted_names(name, privileged)}")
-        object.__setattr__(self, "estimate", tuple(given))
-
-    def drawn_environment(self, snapshots: Sequence[Path] = ()) -> dict[str, Any]:
-        """Return the settings of the environment, with a pool of opponents for self-play.
-
-        Args:
-          snapshots: earlier versions of the policy.
-
-        Raises:
-          SettingsError: self-play without opponents.
-        """
-        own = dict(self.environment)
-        return own if self.self_play is None else self.self_play.environment(own, snapshots)
+        EnvironmentSettings.of(self.environment).make_world()  # refuses what cannot be driven before torch is imported
 
     def first_weights(self) -> Path | None:
         """Return the file of `start_from`: of a training's folder its last checkpoint; None: weights are drawn.

@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 
 from ..course.formats import track_names
 from ..errors import FgMujocoError, FinalWarning, Note, SettingsError, accepted_names, nearest
+from ..gone import gone
 from ..interrupts import ended_in_order
 from ..racing.planners import controller_names, scheme_of
 from ..registry import Registry, added
@@ -151,6 +152,9 @@ class _Parser(argparse.ArgumentParser):
 
     def _no_option(self, given: str) -> str:
         """Return what is said of an option that there is not."""
+        went = gone(f"{self.prog} {given}")
+        if went is not None:
+            return went
         known = [option for option in self._option_string_actions if option.startswith("--")]
         command, meant = command_for(given), nearest(given, known, cutoff=1.0)
         if not given.startswith("--"):
@@ -179,6 +183,9 @@ class _Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             name = action.metavar if isinstance(action.metavar, str) else "COMMAND"
+            went = None if action.option_strings else gone(f"{self.prog} {value}")
+            if went is not None:
+                raise argparse.ArgumentError(None, went)
             rather = command_for(value) if self.prog == "fg-mujoco" else None
             listed = accepted_names(value, action.choices)
             end = listed if rather is None else f"{listed.partition('; did you mean')[0]}; {rather}"

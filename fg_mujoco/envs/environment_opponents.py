@@ -101,8 +101,6 @@ class Opponents:
         first = m - len(entries)
         self._engine, self._entries, self._found = engine, entries, dict[str, type]()
         self.rows = np.arange(count * m).reshape(count, m)[:, first:]
-        self._places = np.full(count * m, -1)  # of each row among those
-        self._places[self.rows] = np.arange(self.rows.size).reshape(self.rows.shape)
         self._planners: dict[int, Controller] = {}  # by row
         self._built_for: dict[int, tuple[Entry, World]] = {}
         self._policies: list[tuple[NDArray[np.int64], PolicyCars]] = []
@@ -122,7 +120,6 @@ class Opponents:
                 cars = PolicyCars(entry.controller, number, interface, observer, state, planners)  # type: ignore[arg-type]
                 self._policies.append((rows, cars))
         self._adapted: dict[int, Planners] = {}
-        self._batches: dict[str, Any] = {}  # of policy files, of all opponents each
         self._of_each = PlannersOfEach([])
 
     def check(self, entries: Sequence[Entry]) -> None:
@@ -173,7 +170,6 @@ class Opponents:
         of_cars = np.array(seeds, np.uint64).reshape(int(np.count_nonzero(worlds)), -1)
         for rows, policy in self._policies:
             policy.begin(worlds, of_cars[:, rows[0] % of_cars.shape[1]].tolist())
-        begun: list[int] = []
         for k, rows in enumerate(self.rows[worlds].tolist()):
             for row, entry in zip(rows, self._entries if drawn is None else drawn[k], strict=False):
                 if isinstance(entry.controller, str):
@@ -182,30 +178,9 @@ class Opponents:
                             warnings.simplefilter("ignore")
                         self._build(row, entry)
                     start_planner(self._planners[row])
-                    begun.append(row)
-        self._adapt(begun)
-
-    def _adapt(self, begun: Sequence[int]) -> None:
-        """Adapt the planners of the cars `begun`, those of policy files of one interface together."""
-        together: dict[str, dict[int, Any]] = {}
-        for row in begun:
-            planner, own = self._planners[row], int(self._places[row])
-            key = getattr(planner, "batch_key", None)
-            self._adapted.pop(row, None)
-            for batch in self._batches.values():
-                batch.leave([own])
-            if key is None:
-                self._adapted[row] = adapt([planner])
-            else:
-                together.setdefault(key, {})[own] = planner
-        for key, planners in together.items():
-            if key not in self._batches:
-                self._batches[key] = next(iter(planners.values())).new_batch(self.rows.size)
-            self._batches[key].begin(planners)
+                    self._adapted[row] = adapt([self._planners[row]])
         of_planners = [(np.array([row]), planners) for row, planners in self._adapted.items()]
-        rows, batches = self.rows.ravel(), [batch for batch in self._batches.values() if batch]
-        of_batches: list[tuple[Any, Planners]] = [(rows, batch) for batch in batches]
-        self._of_each = PlannersOfEach([*of_planners, *of_batches, *self._policies])
+        self._of_each = PlannersOfEach([*of_planners, *self._policies])
 
     @without_exit()
     def __call__(self, cars: Cars) -> Reasons | None:

@@ -79,7 +79,6 @@ class F1TenthVectorEnv(Remade, VectorEnv[Observation, NDArray[np.float32], NDArr
         self._worlds = Worlds(chosen, num_envs, threads or min(usable_cores(), num_envs))
         self.episodes = Episodes(chosen, self._worlds)
         self.policy_interface = self.episodes.interface
-        self.privileged_parts, self.present = self.episodes.observer.privileged_parts, self.episodes.observer.present
         self.metadata = F1TenthEnv.metadata | {
             "autoreset_mode": self._mode, "render_modes": ["rgb_array"],
             "render_fps": frames_per_second(self.policy_interface),

@@ -78,8 +78,6 @@ class Observer:
     Attributes:
       count: as given.
       bounds: name -> Bounds, of one car's observation in its order; where it is one vector, Bounds.
-      privileged_parts: name of each privileged term -> where its numbers are in the second vector.
-      present: of a flat observation, where the numbers are that are not the past of a part with a history of its own.
       needs_every_tick: whether delays or noise go on from tick to tick, and not from step to step.
       bearings: of the beams that are seen (beams,) [rad].
       range_max: greatest distance that is seen [m].
@@ -144,15 +142,7 @@ class Observer:
         )
         self._scan_size = len(self._beams) if "scan" in raw else 0
         self._privileged = {term: (term.bounds_of(car), _scale(term.name, term.bounds_of(car))) for term in privileged}
-        ends = np.cumsum([0, *(len(bounds.low) for bounds, _ in self._privileged.values())]).tolist()
-        names = (term.name for term in privileged)
-        self.privileged_parts = dict(zip(names, map(slice, ends, ends[1:]), strict=True))
-        self._frames: Frames | None = None
-        self.present = np.zeros(0, np.int64)
-        if not observation.plain:
-            self._frames = Frames(observation, raw, period, count)
-            if observation.flat:
-                self.present = self._frames.present()
+        self._frames = None if observation.plain else Frames(observation, raw, period, count)
         self.bounds: dict[str, Bounds] | Bounds = self._bounds_of(raw)
         self.needs_every_tick = any(part.delay > 0.0 or part.noise > 0.0 for part in observation.parts)
 
@@ -336,17 +326,6 @@ class Frames:
             self._fresh[which] = False
         seen: Seen = self._shaped([memory.read() for _, memory in self._memories])
         return seen
-
-    def present(self) -> NDArray[np.int64]:
-        """Return where a flat observation has what is not the past of a part with a history of its own."""
-        shown: list[NDArray[np.float32]] = []
-        own = {part.name for part in self._observation.parts if part.history is not None}
-        for names, memory in self._memories:
-            past = np.repeat([name in own for name in names], [self._sizes[name] for name in names])
-            marks = np.ones((1, memory.length, len(memory.columns)), np.float32)
-            marks[:, :-1, past] = 0.0
-            shown.append(marks)
-        return np.flatnonzero(self._shaped(shown)[0])
 
     def _shaped(self, remembered: Sequence[Values]) -> Any:
         """Return what each memory has (n, length, its width) in the form of the observation."""

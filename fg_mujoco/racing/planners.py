@@ -33,6 +33,7 @@ from fg_mujoco.controllers import BASELINES, CONTROLLERS
 
 from ..course.files import LONGEST_NAME, file_sha256, is_file
 from ..errors import ControllerError, SettingsError, accepted_names
+from ..gone import gone
 from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry, PlannerContext
 from ..registry import PARTS, Registry, added, package_of
 from ..simulation.course_loading import load_track
@@ -80,8 +81,8 @@ SCHEMES: Registry[PlannerScheme] = Registry("scheme", ControllerError, own=added
 POLICY = "policy"
 """The scheme of trained policies: a file that ends in one of POLICY_ENDINGS, or a folder with a POLICY_FILE."""
 
-POLICY_ENDINGS = (".json", ".onnx", ".zip")
-POLICY_FILE = "policy.json"
+POLICY_ENDINGS = (".onnx", ".zip")
+POLICY_FILE = "policy.onnx"
 
 _NAME = re.compile(r":\w*$")  # behind the path in the text of a scheme
 
@@ -286,6 +287,8 @@ def find_controller(source: str) -> Any:
         return PLANNERS.find(source)
     if scheme := scheme_of(source):
         return SCHEMES.find(scheme).find(source)
+    if source.endswith(".json") or is_file(Path(source) / "policy.json"):
+        raise ControllerError(f"{said}: {gone('policy.json')}")
     path, class_name = file_in(source), "" if source.endswith(".py") else source.rpartition(":")[2]
     if path is None:
         return _load(PLANNERS.entry_point(source, _FILE), said)

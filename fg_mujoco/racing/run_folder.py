@@ -11,7 +11,7 @@
     telemetry.csv   one row a tick, columns named with their units
     telemetry_car_1.csv, controller_car_1.py and so on, the same of the other cars of a race of several
     controller.py   the source of a planner of your own, as it was read; its hash is in the summary; of a trained
-                    policy its file: controller.json, controller.onnx or controller.zip
+                    policy its file: controller.onnx or controller.zip
     failed_scan.npz where the planner failed: the scan and the odometry that it was given, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
 

@@ -25,7 +25,6 @@ from fg_mujoco.addons.arena.runs.checks import CHECKS
 from fg_mujoco.addons.arena.runs.duels import Duels
 from fg_mujoco.addons.gym2d import gym_config
 from fg_mujoco.addons.learn.residual import Residual
-from fg_mujoco.addons.learn.self_play import SelfPlay
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.addons.realcar.floors import Floor
 from fg_mujoco.addons.realcar.measured_errors import MeasuredErrors
@@ -38,6 +37,7 @@ from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.settings import known_settings
 from refusals import refused
 
 # -- every field of every class that validates
@@ -47,7 +47,7 @@ GIVEN = {CHECKS["lap_time"]: {"most_s": 9.0}, CHECKS["mean_speed"]: {"least_m_s"
     CHECKS["stops_before"]: {"least_speed_m_s": 1.0}, CHECKS["stopping_distance"]: {"from_m_s": 1.0, "most_m": 1.0},
     Floor: {"name": "ice", "mu": 0.5}, Residual: {"planner": "gap_finder"}}  # fmt: skip
 """What makes one of each class that cannot be made of nothing."""
-JUDGED_LATER = {(SelfPlay, "planners"), (Residual, "planner"), (Duels, "speed")}
+JUDGED_LATER = {(Residual, "planner"), (Duels, "speed")}
 
 
 def classes_that_validate():
@@ -111,8 +111,6 @@ LINES = [
     ("train --out first --worlds 65536 --ppo n_steps=2000", "steps at most in an iteration"),
     (f"train --out first --ppo net={'9' * 400}", "accepted: whole numbers from -922"),
     ("train --out first --ppo minibatches=7", "minibatches is 7, of 32 worlds times 128 steps"),
-    ("train --out first --estimate slpi", "estimate has 'slpi'; accepted: mu, slip"),
-    ("train --out first --estimate mu --env observation=speed", "estimate with the observation 'speed'; accepted:"),
     ("train --out first nothing.toml", "nothing.toml: there is no such file"),
     # look
     ("debug run --at 2.5", "accepted: 0 to 0.200 s"), ("debug run --at -1", "accepted: 0 to 0.200 s"),
@@ -258,9 +256,8 @@ def compare(controller=("gap_finder",), **options):
     return fg.compare(controller, out="out", **{"track": ["oval"], "seed": [0], "workers": 1} | options)
 
 
-def play(own, **environment):
-    environment = {"track": "oval", "opponents": ["gap_finder"], **environment}
-    return TrainingSettings(environment=environment, self_play=own)
+def train(**settings):
+    TrainingSettings(**known_settings(settings, TrainingSettings, "a training"))
 
 
 def act(action):
@@ -323,19 +320,16 @@ CALLS = [
     *((lambda residual: F1TenthEnv(residual=residual), {"residual": residual}, said) for residual, said in (
         ("gap_findr", "residual has the planner 'gap_findr', which is no registered one; accepted:"),
         ("gap_finder[lern=true]", "residual: controller 'gap_finder' has no setting 'lern'"),
+        ("gap_finder[learn=true]", "has no setting 'learn'; 'learn' is gone; instead: planner_mu, and"),
+        ("gap_finder[assist=full+learn]", "'learn' is gone; instead: planner_mu, and"),
         ("pure_pursuit", "residual: controller 'pure_pursuit' drives by a map; accepted: where there is one"),
         (f"{BASE[:-1]},pose_map=a.csv]", "with the setting pose_map; accepted: its own settings"),
         ({"steering": 0.1}, "residual is {'steering': 0.1}, without planner"), (3, "residual is 3; accepted: Residual"),
         ({"planner": BASE, "steering": 0.0}, "Residual.steering is 0.0; accepted: a positive number"),
         ({"planner": BASE, "slow": -1.0}, "Residual.slow is -1.0; accepted: a number from 0"),
         ({"planner": BASE, "spede": 1.0}, "did you mean 'speed'?"))),
-    (play, {"own": {"share": 1.5}}, "SelfPlay.share is 1.5; accepted: a number from 0 to 1"),
-    (play, {"own": {"planners": []}}, "self_play.planners is []; accepted: one or more planners"),
-    (play, {"own": {"planners": "gap_findr"}}, "did you mean 'gap_finder'?"), (play, {"own": {"kept": 0}}, "kept is 0"),
-    (play, {"own": {"sare": 0.5}}, "did you mean 'share'?"),
-    (play, {"own": {}, "opponents": []}, "self_play, in an environment without opponents; accepted:"),
-    (play, {"own": {}, "randomize": {"opponent": ["gap_finder"]}}, "opponent is in randomize and drawn by self_play"),
-    (play, {"own": {}, "opponents": [len]}, "in an environment of self_play; accepted: a planner's name"),
+    *((train, {name: given}, f"a training has no setting {name!r}; {name!r} is gone; instead:")
+      for name, given in (("estimate", ("mu",)), ("self_play", {"share": 0.5}))),
     # realcar
     (Setup.of, {"floor": "ipz9"}, "did you mean 'ipz8'"),
     (Setup.of, {"floor": 3}, "floor is 3; accepted: a bundled name"),

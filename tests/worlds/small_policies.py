@@ -3,11 +3,9 @@
 from functools import cache
 
 import numpy as np
+import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.learn.onnx_policy import with_description
-from fg_mujoco.addons.learn.perceptron import Layer, Normaliser, Perceptron
-from fg_mujoco.addons.learn.policy_files import description_of
 from fg_mujoco.addons.learn.policy_shapes import observed_shapes
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
@@ -28,44 +26,33 @@ def interface_of(**settings):
     return PolicyInterface.of(EnvironmentSettings.of(settings), _world().parameters, beams, beams.period)
 
 
-def network_for(interface, *, hidden=8, activation="tanh", seed=0, normalised=False):
-    """A network of two layers that takes the interface's observation; it turns to and fro and drives slowly."""
+def weights_for(interface, seed=0):
+    """Arrays of two layers behind a normaliser, which take the interface's observation; the car drives slowly."""
     rng = np.random.default_rng(seed)
     width = sum(int(np.prod(shape)) for shape in observed_shapes(interface).values())
-    weights = rng.normal(size=(hidden, width)) / width**0.5
-    first = Layer(weights=weights, bias=np.zeros(hidden), activation=activation)
-    second = Layer(weights=0.1 * rng.normal(size=(2, hidden)), bias=(0.05, 0.1))
-    mean, std = rng.normal(size=width), rng.uniform(0.5, 2.0, width)
-    normaliser = Normaliser(mean=mean, std=std, clip=3.0) if normalised else None
-    return Perceptron(layers=(first, second), normaliser=normaliser)
+    found = {"mean": rng.normal(size=width), "std": rng.uniform(0.5, 2.0, width),
+             "first": rng.normal(size=(8, width)) / width**0.5, "second": 0.1 * rng.normal(size=(2, 8)),
+             "bias": np.array((0.05, 0.1))}  # fmt: skip
+    return {name: array.astype(np.float32) for name, array in found.items()}
 
 
-def write_onnx(network, path, interface, trained):
-    """Write a network as ONNX, as torch's exporter writes one: the parts of an observation are its inputs."""
-    import onnx
-
-    helper, real = onnx.helper, onnx.TensorProto.FLOAT
-    shapes = observed_shapes(interface)
-    nodes, constants = [], []
-
-    def add(kind, *taken, **attributes):
-        names = [each if isinstance(each, str) else f"constant_{len(constants) + i}" for i, each in enumerate(taken)]
-        own = {name: each for each, name in zip(taken, names, strict=True) if each is not name}
-        constants.extend(onnx.numpy_helper.from_array(np.asarray(own[name], np.float32), name) for name in own)
-        nodes.append(helper.make_node(kind, names, [f"made_{len(nodes)}"], **attributes))
-        return nodes[-1].output[0]
-
-    now = add("Concat", *(add("Flatten", name, axis=1) for name in shapes), axis=1)
-    if network.normaliser is not None:
-        own = network.normaliser
-        now = add("Clip", add("Div", add("Sub", now, own.mean), own.std), -own.clip, own.clip)
-    for layer in network.layers:
-        now = add("Gemm", now, layer.weights, layer.bias, transB=1)
-        now = now if layer.activation == "none" else add(layer.activation.capitalize(), now)
-    nodes.append(helper.make_node("Identity", [now], ["action"]))
-    inputs = [helper.make_tensor_value_info(name, real, ["n", *shape]) for name, shape in shapes.items()]
-    output = helper.make_tensor_value_info("action", real, ["n", 2])
-    graph = helper.make_graph(nodes, "policy", inputs, [output], constants)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
-    path.write_bytes(with_description(model, description_of(interface, trained)))
-    return path
+def network_for(interface, *, seed=0, gain=1.0):
+    """An ONNX model of these weights, whose actions are times `gain`, as torch's exporter writes one."""
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
+    pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
+    node, value, real = onnx.helper.make_node, onnx.helper.make_tensor_value_info, onnx.TensorProto.FLOAT
+    shapes, arrays = observed_shapes(interface), weights_for(interface, seed) | {"least": np.array(-3.0, np.float32)}
+    arrays |= {"most": np.array(3.0, np.float32), "gain": np.array(gain, np.float32)}
+    nodes = [
+        *(node("Flatten", [name], [f"flat_{name}"], axis=1) for name in shapes),
+        node("Concat", [f"flat_{name}" for name in shapes], ["seen"], axis=1),
+        node("Sub", ["seen", "mean"], ["moved"]), node("Div", ["moved", "std"], ["scaled"]),
+        node("Clip", ["scaled", "least", "most"], ["clipped"]),
+        node("Gemm", ["clipped", "first"], ["hidden"], transB=1), node("Tanh", ["hidden"], ["bent"]),
+        node("Gemm", ["bent", "second", "bias"], ["mean_action"], transB=1),
+        node("Mul", ["mean_action", "gain"], ["action"]),
+    ]  # fmt: skip
+    inputs = [value(name, real, ["n", *shape]) for name, shape in shapes.items()]
+    constants = [onnx.numpy_helper.from_array(array, name) for name, array in arrays.items()]
+    graph = onnx.helper.make_graph(nodes, "policy", inputs, [value("action", real, ["n", 2])], constants)
+    return onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=9)

@@ -1,8 +1,10 @@
 """Policy files: what is written is read and drives with the same bits; what does not fit is refused in one line."""
 
+import importlib.util
 import json
 import math
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,58 +12,20 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from driven_environments import race_as_environment
-from fg_mujoco.addons.learn.perceptron import ACTIVATIONS, Layer, Normaliser, Perceptron
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.policy_shapes import observed_shapes
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.resimulation import recorded_planner
 from refusals import refused
-from small_policies import FLAT, PARTS, interface_of, network_for, write_onnx
+from small_policies import FLAT, PARTS, interface_of, network_for, weights_for
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def written(path, settings=FLAT, **network):
     """A policy file of random weights, and its path as a text."""
-    if path.suffix == ".onnx":
-        pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
-        pytest.importorskip("onnx", reason="onnx is not installed")
     interface = interface_of(**settings)
-    write = write_onnx if path.suffix == ".onnx" else save_policy
-    return str(write(network_for(interface, **network), path, interface, trained={"steps": 3}))
-
-
-@each("activation", ACTIVATIONS)
-def test_a_network_is_layers_of_weighted_sums_and_text_has_all_its_bits(activation):
-    rng = np.random.default_rng(1)
-    weights, bias = rng.normal(size=(5, 7)), rng.normal(size=5)
-    layers = Layer(weights=weights, bias=bias, activation=activation), Layer(weights=np.eye(5), bias=np.zeros(5))
-    normaliser = Normaliser(mean=np.full(7, 0.5), std=np.full(7, 2.0), clip=1.0)
-    network = Perceptron(layers=layers, normaliser=normaliser)
-    values = rng.normal(size=7).astype(np.float32) * 3.0
-    inner = weights @ np.clip((values - 0.5) / 2.0, -1.0, 1.0) + bias
-    by_hand = {"none": inner, "relu": np.where(inner > 0, inner, 0), "tanh": np.tanh(inner),
-               "sigmoid": 1 / (1 + np.exp(-inner)), "elu": np.where(inner > 0, inner, np.exp(inner) - 1),
-               "silu": inner / (1 + np.exp(-inner))}  # fmt: skip
-    np.testing.assert_allclose(network(values), by_hand[activation], rtol=1e-5, atol=1e-6)
-    again = Perceptron.read(json.loads(json.dumps(network.described())))
-    assert again(values).tobytes() == network(values).tobytes()
-
-
-def test_estimates_are_inputs_besides():
-    """By hand; and a batch has the bits of its rows."""
-    rng = np.random.default_rng(4)
-    guess, act = rng.normal(size=(2, 5)), rng.normal(size=(3, 7))
-    estimator = Perceptron(layers=(Layer(weights=guess, bias=np.ones(2), activation="tanh"),))
-    layers, normaliser = (Layer(weights=act, bias=np.zeros(3)),), Normaliser(mean=np.ones(5), std=np.full(5, 2.0))
-    network = Perceptron(layers=layers, normaliser=normaliser, estimator=estimator)
-    values = rng.normal(size=(4, 5)).astype(np.float32)
-    scaled = (values - 1.0) / 2.0
-    by_hand = np.concatenate((scaled, np.tanh(scaled @ guess.T + 1.0)), axis=1) @ act.T
-    np.testing.assert_allclose(network.of_each(values), by_hand, rtol=1e-4, atol=1e-5)
-    again = Perceptron.read(json.loads(json.dumps(network.described())))
-    assert again.of_each(values).tobytes() == np.array([network(row) for row in values]).tobytes()
-    assert (network.inputs, network.outputs) == (5, 3)
-    with pytest.raises(SettingsError, match="estimator of a network takes 5 numbers, the network 4 and 2 of it"):
-        Perceptron(layers=(Layer(weights=act[:, 1:], bias=np.zeros(3)),), estimator=estimator)
+    return str(save_policy(network_for(interface, **network), path, interface, trained={"steps": 3}))
 
 
 def test_a_model_with_an_endless_loop_ends_a_decision(tmp_path, monkeypatch):
@@ -92,15 +56,15 @@ def test_a_model_with_an_endless_loop_ends_a_decision(tmp_path, monkeypatch):
 
 
 @each("settings", [FLAT, PARTS])
-def test_the_forms_hold_the_same_policy(settings, tmp_path):
-    texts = [written(tmp_path / name, settings, normalised=True) for name in ("first", "second.onnx")]
-    policies = [read_policy(text) for text in texts]
-    shapes, rng = observed_shapes(policies[0].interface), np.random.default_rng(2)
+def test_a_file_answers_as_its_network_by_hand(settings, tmp_path):
+    policy, own = read_policy(written(tmp_path / "first", settings)), weights_for(interface_of(**settings))
+    assert (policy.interface, policy.trained) == (interface_of(**settings), {"steps": 3})
+    shapes, rng = observed_shapes(policy.interface), np.random.default_rng(2)
     parts = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
-    actions = [policy.act(parts if settings is PARTS else parts["observation"]) for policy in policies]
-    np.testing.assert_allclose(actions[0], actions[1], atol=1e-6)
-    for policy in policies:
-        assert (policy.interface, policy.trained) == (interface_of(**settings), {"steps": 3})
+    seen = np.concatenate(list(parts.values()))
+    hidden = np.tanh(own["first"] @ np.clip((seen - own["mean"]) / own["std"], -3.0, 3.0))
+    found = policy.act(parts if settings is PARTS else parts["observation"])
+    np.testing.assert_allclose(found, own["second"] @ hidden + own["bias"], atol=1e-6)
 
 
 @each("form, settings", product(("policy", "policy.onnx"), (FLAT, PARTS)))
@@ -111,15 +75,18 @@ def test_it_commands_in_a_race_what_it_commands_in_the_environment(form, setting
 
 
 def changed(path, **changes):
-    """Write a policy's file anew, with some of its values changed; keys of inner values have dots."""
-    found = json.loads(path.read_text())
+    """Write a policy's file anew, with some values of its description changed; inner keys follow two underscores."""
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
+    model = onnx.load(path)
+    found = json.loads(model.metadata_props[0].value)
     for name, value in changes.items():
         *inner, last = name.split("__")
         place = found
         for key in inner:
             place = place[key]
         place[last] = value
-    path.write_text(json.dumps(found))
+    model.metadata_props[0].value = json.dumps(found)
+    onnx.save(model, path)
 
 
 @each("changes, said",
@@ -127,26 +94,26 @@ def changed(path, **changes):
        ({"interface__beams__count": 10**12}, "beams.count is 1000000000000; accepted: a whole number"),
        ({"interface__sensors": [{"name": "pose", "values": 10**12}]}, "sensors.values is 1000000000000; accepted"),
        ({"interface__period": 0.05}, "trained with a scan every 0.05 s, the car's LiDAR has one every 0.025 s"),
-       ({"interface__observation": "speed,yaw_rate,beams:20"}, "takes 56 numbers, its observation has 22: speed (1)"),
-       ({"interface__observation": "speed,mu,beams:54", "inputs": ["mu", "speed", "scan"]}, "mu, which a car does"),
+       ({"interface__observation": "speed,yaw_rate,beams:20"}, "takes speed (1), scan (54), yaw_rate (1), its"),
        ({"interface__observation": "spede,beams:54"}, "did you mean 'speed'?"),
        ({"interface__period": None}, "period is None"),
        ({"format": "fg_mujoco policy 9"}, "its format is 'fg_mujoco policy 9'"),
-       ({"network": {}}, "a network is damaged"),
-       ({"network__normaliser": []}, "a network is damaged"),
        ({"interface__car__gravity": "g"}, "its interface is damaged"),
-       ({"interface__beams__angle_min": math.nan}, "interface.beams.angle_min is nan"),
-       ({"inputs": ["scan", "speed"]}, "takes ['scan', 'speed'], its observation is speed (1), scan (54), yaw_rate")])
+       ({"interface__beams__angle_min": math.nan}, "interface.beams.angle_min is nan")])
 def test_what_does_not_fit_is_refused_before_the_race(changes, said, tmp_path, capsys):
-    path = tmp_path / "policy" / "policy.json"
+    path = tmp_path / "policy" / "policy.onnx"
     written(path, PARTS)
     changed(path, **changes)
     assert said in refused(tmp_path, capsys, "race", "--controller", str(path))
 
 
+def test_a_policy_that_sees_what_no_car_senses_is_refused(tmp_path, capsys):
+    path = written(tmp_path / "policy.onnx", {"observation": "speed,mu,beams:54"})
+    assert "observes mu, which a car does not sense" in refused(tmp_path, capsys, "race", "--controller", path)
+
+
 @each("name, content, said",
-      [("policy.json", b"{", "is no JSON"),
-       ("policy.json", b"[]", "its format is None"),
+      [("policy.json", b"{}", "is gone; instead: policy.onnx, which save_policy"),
        ("policy.onnx", b"not one", "is no ONNX model"),
        ("policy.zip", b"not one", "is no zip file of Stable-Baselines3")])  # fmt: skip
 def test_what_is_no_policy_file_is_refused(name, content, said, tmp_path, capsys):
@@ -154,6 +121,15 @@ def test_what_is_no_policy_file_is_refused(name, content, said, tmp_path, capsys
         pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
     (tmp_path / name).write_bytes(content)
     assert said in refused(tmp_path, capsys, "race", "--controller", str(tmp_path / name))
+    if name.endswith(".json"):
+        assert said in refused(tmp_path, capsys, "race", "--controller", str(tmp_path))  # the folder that has it
+        with pytest.raises(ControllerError, match=r"is gone; instead: policy\.onnx"):
+            save_policy(None, tmp_path / name)
+
+
+def test_what_is_no_network_is_refused():
+    with pytest.raises(SettingsError, match=r"a .onnx file of a dict; accepted: of a model of Stable-Baselines3"):
+        save_policy({}, "policy.onnx", interface_of(**PARTS))
 
 
 def test_an_onnx_model_of_another_shape_or_without_an_interface_is_refused(tmp_path):
@@ -174,10 +150,10 @@ def test_an_onnx_model_of_another_shape_or_without_an_interface_is_refused(tmp_p
 
 
 def test_a_run_keeps_the_policy_that_drove_it(here):
-    content = (here / written(here / "policy")).read_bytes()
+    content = Path(written(here / "policy")).read_bytes()
     result = fg.race("oval", "policy", time_limit=0.3)
     fg.write_run(result, "run", picture=False)
-    assert (here / "run" / "controller.json").read_bytes() == content
+    assert (here / "run" / "controller.onnx").read_bytes() == content
     written(here / "policy", seed=1)  # as training goes on
     other = fg.race("oval", "policy", time_limit=0.3)
     assert other.ctrl.tobytes() != result.ctrl.tobytes()
@@ -186,3 +162,25 @@ def test_a_run_keeps_the_policy_that_drove_it(here):
     again = fg.race("oval", planner, time_limit=0.3)  # by the file in the run's folder
     assert again.ctrl.tobytes() == result.ctrl.tobytes()
     assert fg.replay("run").identical
+
+
+@pytest.mark.skipif(not EXAMPLES.exists(), reason="not a checkout of the repository")
+def test_the_examples_race(here, monkeypatch, capsys):
+    """The policy that the example exports, and the bundled one, which was written as JSON before: its first actions."""
+    pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
+    pytest.importorskip("onnx", reason="onnx is not installed")
+    pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
+    spec = importlib.util.spec_from_file_location("own_policy", EXAMPLES / "own_policy.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    monkeypatch.setattr("sys.argv", ["own_policy.py", "--out", "own.onnx"])
+    example.main()
+    assert "1 of 1 laps" in capsys.readouterr().out
+    own = read_policy("own.onnx")
+    seen = np.linspace(-1.0, 1.0, 6, dtype=np.float32)
+    by_hand = np.dot(example.STEERING, seen), np.dot(example.SPEED, seen) + 1.0
+    np.testing.assert_allclose(own.act(seen), by_hand, atol=1e-6)
+    racer = read_policy(EXAMPLES / "policies/racer.onnx")
+    seen = np.linspace(-1.0, 1.0, 400, dtype=np.float32)
+    np.testing.assert_allclose(racer.act(seen), (0.94742477, -1.0309787), atol=1e-6)
+    assert fg.race("oval", str(racer.path), laps=1, time_limit=30.0).cars[0].end_reason == "finished"

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import fg_mujoco as fg
 from cases import each
 from driven_environments import race_as_environment
 
@@ -74,7 +73,7 @@ def model(request):
     return made.learn(32, callback=EpisodeLog())
 
 
-@each("form", ["policy.zip", "policy.onnx", "policy.json"])
+@each("form", ["policy.zip", "policy.onnx"])
 def test_a_model_races_with_the_commands_that_it_gives_in_the_environment(form, model, tmp_path):
     env, normaliser = F1TenthEnv(**(FLAT if model.observation_space.shape else PARTS)), model.get_vec_normalize_env()
 
@@ -85,19 +84,19 @@ def test_a_model_races_with_the_commands_that_it_gives_in_the_environment(form, 
     race_as_environment(env, save_policy(model, tmp_path / form), 15, check=check)
 
 
-def test_an_actor_that_does_not_see_all_becomes_onnx_and_json_alike(tmp_path):
+def test_an_actor_that_does_not_see_all_becomes_onnx_and_zip_alike(tmp_path):
     pytest.importorskip("onnxscript", reason="onnxscript is not installed")
     from fg_mujoco.addons.learn.stable_baselines3_env import AsymmetricPolicy
 
     env = F1TenthVecEnv(1, threads=1, time_limit=0.5, privileged="mu", observation="beams:20,speed,flat")
     made = sb3.PPO(AsymmetricPolicy, env, n_steps=8, batch_size=8, device="cpu", policy_kwargs={"net_arch": [16]})
-    policies = [read_policy(save_policy(made, tmp_path / name)) for name in ("policy.onnx", "policy.json")]
+    policies = [read_policy(save_policy(made, tmp_path / name)) for name in ("policy.onnx", "policy.zip")]
     seen = np.random.default_rng(1).normal(size=21).astype(np.float32)
     actions = [policy.act(seen) for policy in policies]
     np.testing.assert_allclose(actions[0], actions[1], atol=1e-6)
 
 
-def test_a_convolutional_policy_becomes_onnx_and_not_json(tmp_path):
+def test_a_convolutional_policy_becomes_onnx(tmp_path):
     pytest.importorskip("onnxscript", reason="onnxscript is not installed")
     import torch
 
@@ -116,5 +115,3 @@ def test_a_convolutional_policy_becomes_onnx_and_not_json(tmp_path):
     with torch.no_grad():
         expected = module(*(torch.as_tensor(seen[name])[None] for name in ("speed", "scan")))[0].numpy()
     np.testing.assert_allclose(read_policy(path).act(seen), expected, atol=1e-6)
-    with pytest.raises(fg.SettingsError, match="Convolution has no form"):
-        save_policy(module, tmp_path / "policy.json", env.policy_interface)

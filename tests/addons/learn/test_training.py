@@ -49,57 +49,6 @@ def test_a_training_goes_on_and_its_folder_is_a_planner(train, tmp_path):
         train(folder, steps=512, **{**SMALL, "ppo": {**SMALL["ppo"], "gamma": 0.9}})
 
 
-def test_a_policy_acts_on_an_estimate_of_the_friction(train, tmp_path):
-    """The estimator takes the past and the actor does not; both are fitted, and the forms of the policy agree."""
-    seen = "speed:history=3:every=2,beams:20,yaw_rate,flat"
-    environment = {**SMALL["environment"], "observation": seen, "randomize": {"mu": (0.5, 1.1)}}
-    settings = {**SMALL, "environment": environment, "estimate": "mu"}
-    policies = []
-    for steps in (64, 256):
-        folder = tmp_path / str(steps)
-        train(folder, steps=steps, checkpoints=1, **settings)
-        policies.append(read_policy(folder))
-    networks = [policy.network for policy in policies]
-    rng = np.random.default_rng(0)
-    observation = rng.uniform(0.0, 2.0, 24).astype(np.float32)
-    assert networks[1].inputs == 24 and networks[1].estimator.outputs == 2
-    assert not networks[1].layers[0].weights[:, :2].any() and networks[1].layers[0].weights[:, 2:].all()
-    assert (networks[0].estimator(observation) != networks[1].estimator(observation)).all()
-    zipped = read_policy(next((tmp_path / "256" / "checkpoints").glob("*256.zip")))
-    np.testing.assert_allclose(zipped.act(observation), policies[1].act(observation), atol=1e-5)
-    lines = [json.loads(line) for line in (tmp_path / "256" / "progress.jsonl").read_text().splitlines()]
-    assert 0.0 < lines[-1]["estimate/error_0"] < 0.6
-    other = tmp_path / "other"
-    frozen = {**SMALL["ppo"], "learning_rate": 1e-12}
-    train(other, steps=64, start_from=tmp_path / "256", **{**settings, "ppo": frozen})
-    np.testing.assert_allclose(read_policy(other).act(observation), policies[1].act(observation), atol=1e-5)
-
-
-def test_the_estimator_finds_the_mean_and_the_spread_of_what_it_is_fitted_to():
-    """Oracle: of x + noise of 0.2, given x, the mean is x and the standard deviation 0.2."""
-    torch = pytest.importorskip("torch", reason="torch is not installed")
-    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
-    from fg_mujoco.addons.learn import estimating_policy as module
-
-    torch.manual_seed(0)
-    plain = type("Plain", (), {"seen": torch.tensor([0]), "value_net": None, "latent_dim_vf": 4})
-    extractor = module._EstimatingExtractor(plain, [1], [0], [4], torch.nn.Tanh)
-    x = torch.rand(4096, 1) * 2.0 + 3.0
-    features = torch.cat((x, x + 0.2 * torch.randn(4096, 1)), dim=1)
-    extractor.standardise(features)
-    optimiser = torch.optim.Adam(extractor.estimator.parameters(), 3e-3)
-    for _ in range(600):
-        loss, error = extractor.loss(features)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-    mean, spread = extractor.estimator(torch.tensor([[3.2], [4.8]])).detach().chunk(2, dim=1)
-    unit, middle = float(extractor._std), float(extractor._mean)
-    np.testing.assert_allclose(mean[:, 0] * unit + middle, [3.2, 4.8], atol=0.05)
-    np.testing.assert_allclose(np.exp(spread[:, 0].numpy()) * unit, 0.2, atol=0.04)
-    assert abs(float(error) - 0.2) < 0.02
-
-
 @each("door", ["out", "folder", "file"])
 def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(door, tmp_path, capsys):
     """Loading it runs the code in it: it is refused before anything reads it."""
@@ -120,7 +69,13 @@ def test_the_same_training_has_the_same_bits(train, tmp_path):
     folders = [tmp_path / "one", tmp_path / "other"]
     for folder in folders:
         train(folder, steps=64, **SMALL)
-    assert (folders[0] / "policy.json").read_bytes() == (folders[1] / "policy.json").read_bytes()
+    assert (folders[0] / "policy.onnx").read_bytes() == (folders[1] / "policy.onnx").read_bytes()
+
+
+def test_a_correction_of_a_planner_has_usual_settings(tmp_path):
+    """Refused is what cannot be driven, without torch."""
+    settings = TrainingSettings(environment={"track": "oval", "residual": "gap_finder[assist=safe]"})
+    assert "planner_command" in settings.environment["observation"]
 
 
 def test_an_interrupted_training_leaves_a_policy(train, tmp_path, monkeypatch, capsys):

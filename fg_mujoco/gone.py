@@ -1,0 +1,22 @@
+"""What went, and what serves instead: said in the line that refuses a command, an option, a setting or a file of it."""
+
+from __future__ import annotations
+
+_ESTIMATE = "terms of the setting privileged, which the critic sees, and parts with a history"
+_SELF_PLAY = "the setting opponents of the environment; policy files are opponents, too"
+
+GONE = {
+    "estimate": _ESTIMATE,
+    "learn": "planner_mu, and `fg-mujoco friction mismatch`, which says what a wrong one costs",
+    "policy.json": "policy.onnx, which save_policy and trainings write; examples/own_policy.py shows how",
+    "self_play": _SELF_PLAY,
+    "train --estimate": _ESTIMATE,
+    "train --self-play": _SELF_PLAY,
+}
+"""What somebody may still give, as `COMMAND`, `COMMAND --option`, setting or file -> what serves instead."""
+
+
+def gone(given: str) -> str | None:
+    """Return the line that refuses what went, in the words of an error; None: it is there, or never was."""
+    given = given.removeprefix("fg-mujoco ")
+    return f"{given!r} is gone; instead: {GONE[given]}" if given in GONE else None
