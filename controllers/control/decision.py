@@ -157,7 +157,7 @@ def drive_in_sight(  # type: ignore[no-untyped-def]
     """Write the command of a car that can stop within what it sees; arguments as in stages."""
     if _is_decided(tick, command):
         return
-    reference, table = tick.reference, trajectories[tick.driver.trajectories + tick.driver.stops]
+    reference, table = tick.reference, trajectories[tick.driver.trajectories]
     widened = widen_all(ranges, tick.geometry.angle_increment, table.radius)
     speed = min(_by_laws(ranges, tick), _in_sight(tick, widened, table))
     log_step(tick.memory.reasons, SIGHT, reference.steering_angle, speed)
@@ -175,7 +175,7 @@ def drive_filtered(  # type: ignore[no-untyped-def]
         tick.geometry, tick.odometry, tick.reference, tick.driver, tick.memory
     )  # fmt: skip
     speed = _by_laws(ranges, tick)
-    table = trajectories[driver.trajectories + driver.stops]
+    table = trajectories[driver.trajectories]
     angle = memory.velocity_frame.angle if driver.limiter.slip.needs_slip_angle else 0.0
     predictions = turned(memory.predictions, angle)
     surroundings = ranges_without_movers if len(predictions) > 0 else ranges
@@ -240,13 +240,10 @@ def _sees_no_way(tick: Record) -> bool:
 def _in_sight(tick: Record, widened: FloatArray, table: Record) -> float:
     """Return the speed [m/s] from which the car stops within what it sees."""
     geometry, odometry = tick.geometry, tick.odometry
-    # A stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts: less from
-    # a slower speed, and so the stops are those of as much friction or more.
-    faster = math.sqrt(tick.driver.limiter.lateral / table.lateral)
     speed: float = safe_speed(
-        table, widened, geometry.angle_min, geometry.angle_increment, odometry.speed / faster, odometry.steering_angle
+        table, widened, geometry.angle_min, geometry.angle_increment, odometry.speed, odometry.steering_angle
     )
-    return faster * speed
+    return speed
 
 
 @kernel

@@ -117,8 +117,7 @@ DRIVER = np.dtype(
         ("filter_settings", record_type(SafetyFilterSettings)),
         ("recovery_settings", record_type(RecoverySettings)),
         ("guidance_settings", record_type(GuidanceSettings)),
-        ("trajectories", np.int64),  # which table of braking trajectories is its own: the first,
-        ("stops", np.int64),  # and how many tables behind it is that of its friction now
+        ("trajectories", np.int64),  # which table of braking trajectories is its own
         ("line_first", np.int64),  # which points of the lines through the map are its own: the first,
         ("line_end", np.int64),  # and the one behind the last
     ]

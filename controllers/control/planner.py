@@ -30,6 +30,7 @@ from operator import attrgetter
 from typing import Any, ClassVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fg_mujoco.arguments import Remade
 from fg_mujoco.compiled.kernels import kernel
@@ -49,7 +50,7 @@ from fg_mujoco.messages import (
 from ..perception.intermediate_scans import IntermediateScans, write_debug
 from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import sees
-from ..safety.braking_trajectories import trajectories_of
+from ..safety.braking_trajectories import BrakingTrajectories
 from ..safety.friction_limiter import FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
 from ..safety.safety_filter import EVASIVE
@@ -134,15 +135,15 @@ class Planner(Remade):
         self.assist = self.settings.assist or assist
         stages, sees_ahead = self._find_stages()
         self.settings = for_method(self.settings, given.method or ("refined" if sees_ahead else "source"))
-        frictions = next((stage.frictions for stage in stages.values() if stage.frictions), (mu,))
-        evades = "sight" in stages and math.isfinite(mu)
-        shares = tuple(evasive(EVASIVE, car, each) if evades else None for each in frictions)
-        limiter = FrictionLimiter(car, frictions[0], shares[0]) if math.isfinite(mu) else None
+        shares = evasive(EVASIVE, car, mu) if "sight" in stages and math.isfinite(mu) else None
+        limiter = FrictionLimiter(car, mu, shares) if math.isfinite(mu) else None
         late = round(max(latency - car.command_delay, 0.0) / period)
         self.car, self.line = car, line
         self.driver = driver_record(car, max_speed, limiter, self.settings, stages, late)
         self.settings_row = np.array([record_values(self.settings)], record_type(self.Settings))
-        self.trajectories = trajectories_of(car, frictions, shares, max_speed) if "sight" in stages else None
+        self.trajectories: NDArray[np.void] | None = None
+        if limiter is not None and "sight" in stages:
+            self.trajectories = BrakingTrajectories(car, limiter, max_speed).record
         self.stages = {name: (stage, stage.begin(self)) for name, stage in stages.items()}
         self.driven_by = next((name for name in reversed(stages) if stages[name].drive is not None), "")
         self._alone = PlannerBatch(type(self), [self])

@@ -63,8 +63,7 @@ class PlannerBatch:
                 )
         count, self._read = len(planners), planner_class.read
         tables = {id(p.trajectories): p.trajectories for p in planners if p.trajectories is not None}
-        ends_of_tables = np.cumsum([len(table) for table in tables.values()]).tolist()
-        first_tables = {table: end - len(tables[table]) for table, end in zip(tables, ends_of_tables, strict=True)}
+        places = {table: place for place, table in enumerate(tables)}
         lines = {id(p.line): p.line for p in planners if p.line is not None}
         ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
         self._guided = 1 if planner_class.hides_cars else 0  # which of the scans guidance has; the last has no movers
@@ -77,7 +76,7 @@ class PlannerBatch:
                 planner.settings_row[0],
             )
             driver = self._ticks["driver"][world]
-            driver["trajectories"] = first_tables.get(id(planner.trajectories), 0)
+            driver["trajectories"] = places.get(id(planner.trajectories), 0)
             if planner.line is not None:
                 end = ends[id(planner.line)]
                 driver["line_first"], driver["line_end"] = end - len(planner.line), end

@@ -23,7 +23,7 @@ ranges_without_movers  the same without targets that move, for the safety filter
 tick                   of type driving.TICK: the planner, its odometry, reference and memory; written to
 lines                  points of the lines through the map, of all planners; this planner's are those from
                        driver.line_first to driver.line_end
-trajectories           tables of type TRAJECTORIES, of all planners; this planner's begin at driver.trajectories
+trajectories           tables of type TRAJECTORIES, of all planners; this planner's is at driver.trajectories
 stage_state            of the stage's `state_type`: its memory in this world; written to
 command                (2,) steering angle [rad] and speed [m/s], written to
 """
@@ -83,8 +83,6 @@ class Stage:
       after_driving: the same once there is a command.
       state_type: type of the stage's memory in a world.
       first: returns the record, shape (1,), with which a Planner begins; None: all zero.
-      frictions: coefficients for which the planner needs braking trajectories, in place of the one that it assumes;
-        its friction limiter is that of the first.
 
     Raises:
       ControllerError: what is called at a place is no kernel of ARGUMENTS.
@@ -102,7 +100,6 @@ class Stage:
     after_driving: Step | None = None
     state_type: np.dtype[np.void] = NO_MEMORY
     first: Callable[[Any], NDArray[np.void]] | None = None
-    frictions: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for name in PLACES:

@@ -36,7 +36,7 @@ from ..control.planner_settings import (
     setting_of_car,
 )
 from ..control.slip import lock_arc, path_lag
-from .friction_limiter import LIMITER, FrictionLimiter, FrictionLimiterSettings, longitudinal_share, stable_share
+from .friction_limiter import FrictionLimiter, FrictionLimiterSettings, longitudinal_share, stable_share
 
 _TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
 _PRESENT = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])  # shares in use when the scan is taken
@@ -69,7 +69,6 @@ class BrakingSettings(Settings):
 TRAJECTORIES = np.dtype(
     [
         ("radius", np.float64),  # [m] of the disc that covers the car's front
-        ("limiter", LIMITER),  # that they were planned with
         ("lateral", np.float64),  # [m/s^2] that may be used in cornering
         ("wheelbase", np.float64),  # [m]
         ("count", np.int64),  # of the speeds that are looked at
@@ -175,21 +174,6 @@ def _nearest(grid: FloatArray, value: float) -> int:
 
 
 @lru_cache(maxsize=8)
-def trajectories_of(
-    car: CarParameters, mus: tuple[float, ...], shares: tuple[FrictionLimiterSettings | None, ...], max_speed: float
-) -> NDArray[np.void]:
-    """Return the tables of one car at several frictions, shape (len(mus),), of type TRAJECTORIES, read-only.
-
-    `shares` are the settings of the limiter of each friction; None: the defaults.
-    """
-    settings, limiters = for_car(BrakingSettings(), car), map(FrictionLimiter, [car] * len(mus), mus, shares)
-    each_table = [_table(car, each.mu, each.settings, max_speed, settings) for each in limiters]
-    tables = np.concatenate(each_table) if len(mus) > 1 else each_table[0]
-    tables.flags.writeable = False
-    return tables
-
-
-@lru_cache(maxsize=8)
 def _table(
     car: CarParameters,
     mu: float,
@@ -202,7 +186,7 @@ def _table(
     table = np.zeros(1, TRAJECTORIES)
     # a disc over the car's front corners, its centre a quarter of the width behind the bumper
     table["radius"] = math.hypot(0.5 * car.width, 0.25 * car.width) + settings.clearance
-    table["limiter"], table["lateral"], table["wheelbase"] = limiter.record, limiter.lateral, car.wheelbase
+    table["lateral"], table["wheelbase"] = limiter.lateral, car.wheelbase
     top = max(min(max_speed, car.max_speed), settings.least_speed)
     steps = math.ceil((top - settings.least_speed) / _SPEED_STEP)
     table["count"] = count = min(max(steps + 1, _SPEEDS), _MOST_SPEEDS)

@@ -44,18 +44,6 @@ def test_towards_a_dead_end_it_is_the_closed_form_of_a_straight_stop(wall):
     assert safe_speed(scan) <= expected + 0.05
 
 
-@each("wall", [2.0, 4.0, 6.0])
-@each("steering_angle", [0.0, 0.1])
-def test_safe_speeds_of_two_floors_differ_by_the_root_of_their_frictions(wall, steering_angle):
-    """A planner that learns relies on it between the frictions that its trajectories are planned for."""
-    less, more = (FrictionLimiter(CAR, mu) for mu in (0.56, 0.59))
-    faster = math.sqrt(more.lateral / less.lateral)
-    scan = corridor(0.6, 0.8, BUMPER + wall)
-    by_table = safe_speed(scan, 3.0, steering_angle, BrakingTrajectories(CAR, more, TOP_SPEED))
-    scaled = faster * safe_speed(scan, 3.0 / faster, steering_angle, BrakingTrajectories(CAR, less, TOP_SPEED))
-    assert scaled == pytest.approx(by_table, abs=1.05 * SPEED_STEP)
-
-
 @each("top", [8.0, 12.0, 20.0, 50.0])
 def test_speeds_are_looked_at_as_finely_up_to_any_limit(top):
     speeds = BrakingTrajectories(CAR, LIMITER, top).speeds
