@@ -2,7 +2,7 @@
 
 `beams` has LidarModel, one MJCF file of a LiDAR. `lidar` has the two back ends: MuJoCo's rangefinders, and a scanline
 z-buffer (`scanline`) over triangle clusters (`clusters`, prepared in `visible_surfaces`, skipped by `culling`).
-`surfaces` lists what rays can meet in a model, `body_poses` says where it is, and `embree_rays` casts single rays.
+`surfaces` lists what beams can meet in a model, and `body_poses` says where it is.
 `effects` adds noise, dropouts, latency and the LiDAR's motion during a scan. The room knows of no vehicle: a LiDAR can
 stand on any body.
 """

@@ -88,14 +88,6 @@ def state_arrays(data: Any) -> StateArrays:
     return data.qpos, data.mocap_pos, data.mocap_quat, data.xpos, data.xmat
 
 
-def rotated(vectors: FloatArray, quaternions: FloatArray) -> FloatArray:
-    """Return each of `vectors` (n, 3) turned by its unit quaternion (n, 4) wxyz."""
-    axis = quaternions[:, 1:]
-    twice = 2.0 * np.cross(axis, vectors)
-    turned: FloatArray = vectors + quaternions[:, :1] * twice + np.cross(axis, twice)
-    return turned
-
-
 @kernel
 def mounted_pose(
     pose: tuple[float, ...],

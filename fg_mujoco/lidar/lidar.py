@@ -15,9 +15,7 @@ poses of free and mocap bodies, and of what is fixed to them, as a LiDAR to its 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -26,14 +24,11 @@ from ..arguments import explain_class
 from ..compiled.kernels import kernel
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
-from ..messages import FloatArray
+from ..messages import FloatArray, read_only
 from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
 from .body_poses import BodyPoses, Mount, PoseArrays, StateArrays, read_poses, state_arrays
 from .scanline import scan
 from .visible_surfaces import ScanlineScene, SceneArrays, Scratch, is_scanline
-
-if TYPE_CHECKING:
-    from .embree_rays import Poses, RayScene
 
 LIDAR_BACKENDS = ("raycast", "rangefinder")
 
@@ -102,9 +97,8 @@ class RangefinderLidar:
 class RaycastLidar:
     """The visible geoms of the model, except those of the car that carries the LiDAR, drawn into a scanline.
 
-    Beams that do not leave one point in one plane, and those of a LiDAR that moves during its sweep, are cast as single
-    rays by Embree. The sites and sensors of the rangefinders need not be in the model: `lidar_spec(sensors=False)`. One
-    object serves one thread.
+    The sites and sensors of the rangefinders need not be in the model: `lidar_spec(sensors=False)`. One object serves
+    one thread.
 
     Args:
       model: the compiled mujoco.MjModel.
@@ -117,20 +111,23 @@ class RaycastLidar:
       body: id of the LiDAR's body.
       mount: how the LiDAR is fixed to the body of a free joint; None where it is not.
       scene: what its beams can meet, prepared for the scanline z-buffer.
-      draws: whether its scan is drawn, because its beams leave one point in one plane.
+      poses: of the LiDAR's body, and after it of the bodies that move.
 
     Raises:
-      ModelError: no LiDAR under this prefix, or a visible geom of a kind that cannot be seen, as a height field.
+      ModelError: no LiDAR under this prefix, beams that do not leave one point in one plane, or a visible geom of a
+        kind that cannot be seen, as a height field.
     """
 
     def __init__(self, model: Any, prefix: str = "", *, beams: Beams | None = None) -> None:
         self.beams = lidar_of(model, prefix).beams if beams is None else beams
         self.model = model
         self.body = lidar_body(model, prefix)
+        if not is_scanline(self.beams):
+            said = f"the LiDAR {prefix + lidar_of(model, prefix).body!r} has beams that 'raycast' does not draw"
+            raise ModelError(f"{said}; accepted: of one point and plane, evenly spaced, 1e-4 to 1 rad apart")
         self.scene = ScanlineScene(model, self.beams, self.body)
-        self._poses = BodyPoses(model, (self.body, *self.scene.moving), level=self.beams.level)
-        self.mount = self._poses.mount(0)
-        self.draws = is_scanline(self.beams)
+        self.poses = BodyPoses(model, (self.body, *self.scene.moving), level=self.beams.level)
+        self.mount = self.poses.mount(0)
         self._arrays, self._scratch = tuple(self.scene.arrays), tuple(self.scene.scratch())
 
     def __repr__(self) -> str:
@@ -138,37 +135,24 @@ class RaycastLidar:
 
     def ranges(self, data: Any) -> FloatArray:
         """Return the readings at the present state of `data`, all beams at once. Shape (n,) [m]."""
-        if self.draws:
-            readings = np.empty(len(self.beams.bearings))
-            _scan_state(self._arrays, self._poses.arrays, state_arrays(data), self._scratch, readings)
-            return readings
-        self._poses.read(data)
-        position, to_body = self._poses.positions[0], self._poses.rotations[0].T
-        return self.cast(data, position + self.beams.origins @ to_body, self.beams.directions @ to_body)
+        readings = np.empty(len(self.beams.bearings))
+        _scan_state(self._arrays, self.poses.arrays, state_arrays(data), self._scratch, readings)
+        return readings
 
-    def cast(
-        self, data: Any, origins: FloatArray, directions: FloatArray, poses: Sequence[Poses] | None = None
-    ) -> FloatArray:
-        """Return the readings along any rays. Shape (n,) [m].
+    def ranges_along(self, bearings: FloatArray, positions: FloatArray, rotations: FloatArray) -> FloatArray:
+        """Return the readings of beams of the scan plane, with LiDAR and moving bodies at poses of their own.
 
         Args:
-          data: where the moving geoms are.
-          origins: (n, 3) [m], world frame.
-          directions: (n, 3) unit vectors, world frame.
-          poses: of each of the bodies `followed`, where each ray finds it; None: all where `data` has them.
+          bearings: (n,) evenly spaced to the left [rad].
+          positions: (m, 3) [m] as in `poses`.
+          rotations: (m, 3, 3).
         """
-        return self.beams.readings(self._rays.distances(data, origins, directions, poses))
-
-    @property
-    def followed(self) -> tuple[int, ...]:
-        """Ids of the bodies that move and that rays meet, in the order in which `cast` wants their poses."""
-        return self._rays.moving
-
-    @cached_property
-    def _rays(self) -> RayScene:
-        from .embree_rays import RayScene
-
-        return RayScene(self.model, carrier=self.body, reach=self.beams.range_max)
+        readings = np.empty(len(bearings))
+        step = (bearings[-1] - bearings[0]) / max(len(bearings) - 1, 1)
+        limits = np.array((bearings[0], step or self.beams.angle_increment, self.beams.range_min, self.beams.range_max))
+        along = read_only(np.stack((np.cos(bearings), np.sin(bearings)))), read_only(limits)
+        _scan_poses((*along, *self._arrays[2:]), positions, rotations, self._scratch, readings)
+        return readings
 
 
 @kernel
@@ -177,7 +161,14 @@ def _scan_state(
 ) -> None:
     """Write the readings at a state. Plain tuples: numba takes named ones over from Python at twice the cost."""
     read_poses(poses, state)
-    positions, rotations = poses[3], poses[4]
+    _scan_poses(scene, poses[3], poses[4], scratch, out)
+
+
+@kernel
+def _scan_poses(
+    scene: tuple[Any, ...], positions: FloatArray, rotations: FloatArray, scratch: tuple[Any, ...], out: FloatArray
+) -> None:
+    """Write the readings with the LiDAR at the first of some poses, and what moves at the others."""
     scan(SceneArrays(*scene), positions[0], rotations[0], positions[1:], rotations[1:], Scratch(*scratch), out)
 
 

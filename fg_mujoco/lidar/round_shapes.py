@@ -102,19 +102,6 @@ def _roots(a: float, b: float, c: float) -> tuple[float, float]:
 
 
 @kernel
-def bring_nearer(shapes: FloatArray, origins: FloatArray, directions: FloatArray, nearest: FloatArray) -> None:
-    """Lower `nearest` (n,) [m] to the distances of shapes (k, SHAPE) along rays (n, 3), all in the body's frame."""
-    for ray in range(len(nearest)):
-        for k in range(len(shapes)):
-            row = shapes[k]
-            ox, oy, oz = into_shape(row, origins[ray, 0] - row[4], origins[ray, 1] - row[5], origins[ray, 2] - row[6])
-            vx, vy, vz = into_shape(row, directions[ray, 0], directions[ray, 1], directions[ray, 2])
-            distance = ray_distance(row[0], row[1], row[2], row[3], ox, oy, oz, vx, vy, vz)
-            if 0.0 <= distance < nearest[ray]:
-                nearest[ray] = distance
-
-
-@kernel
 def into_shape(row: Any, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Turn a vector of the body's frame into a shape's."""
     return (

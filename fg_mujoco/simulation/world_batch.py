@@ -312,8 +312,7 @@ class WorldBatch:
     def drawn(self) -> RaycastLidar | None:
         """The LiDAR whose scans `sense` draws; None: they are measured in Python, by `lidar`."""
         lidar = self.world.lidar
-        draws = isinstance(lidar, RaycastLidar) and lidar.draws and lidar.mount is not None
-        return lidar if draws and isinstance(lidar, RaycastLidar) else None
+        return lidar if isinstance(lidar, RaycastLidar) and lidar.mount is not None else None
 
     def lidar(self, car: int) -> Lidar:
         """Return the LiDAR of a car of these worlds, without effects, which measures in data of the world's model."""

@@ -1,6 +1,7 @@
 """The interface of f1tenth_gym v0.2: a script written to it laps a map here."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_world
 from fg_mujoco.course.maps.map_track import read_map
-from fg_mujoco.lidar.lidar import RaycastLidar
+from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.simulation.cars import first_overlap
 from fg_mujoco.simulation.world import LIDAR_PREFIX
+from lidar_worlds import mujoco_rays
 from map_oracles import draw_map, ring
 
 KEYS = {"ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",
@@ -78,14 +80,13 @@ def test_a_scan_is_what_single_rays_measure_along_its_beams(name, steps, drawn, 
     env = f110.make(map=str(drawn) if name == "drawn" else name)
     obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
     bearings = np.linspace(-2.35, 2.35, 1080)
-    directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(1080)))
-    lidar = RaycastLidar(env.world.model, LIDAR_PREFIX)
+    beams = replace(LidarModel.load().beams, bearings=bearings, origins=np.zeros((1080, 3)),
+                    directions=np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(1080))))  # fmt: skip
+    body = LIDAR_PREFIX + LidarModel.load().body
     for step in range(steps):
         obs, *_ = env.step(np.array([[0.2 * math.sin(0.1 * step), 2.0]]))
-        data = env.data
-        position, rotation = data.xpos[lidar.body], data.xmat[lidar.body].reshape(3, 3)
-        ranges = lidar.cast(data, np.tile(position, (1080, 1)), directions @ rotation.T)
-        np.testing.assert_allclose(obs["scans"][0], np.clip(ranges, 0.0, lidar.beams.range_max), rtol=0.0, atol=1e-9)
+        ranges = np.clip(mujoco_rays(env.world.model, env.data, beams, body), 0.0, beams.range_max)
+        np.testing.assert_allclose(obs["scans"][0], ranges, rtol=0.0, atol=1e-9)
 
 
 def test_noise_is_that_of_the_published_generator_to_the_bit(drawn, monkeypatch):
