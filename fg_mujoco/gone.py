@@ -9,6 +9,7 @@ GONE = {
     "estimate": _ESTIMATE,
     "learn": "planner_mu, and `fg-mujoco friction mismatch`, which says what a wrong one costs",
     "policy.json": "policy.onnx, which save_policy and trainings write; examples/own_policy.py shows how",
+    "rospy": "a node of ROS 2 (rclpy), since ROS 1 ended in May 2025; bags of ROS 1 are read",
     "self_play": _SELF_PLAY,
     "train --estimate": _ESTIMATE,
     "train --self-play": _SELF_PLAY,

@@ -66,25 +66,20 @@ _ENCODINGS = {
 
 
 _FAULTS = ("NONE", "OVER_VOLTAGE", "UNDER_VOLTAGE", "DRV8302", "ABS_OVER_CURRENT", "OVER_TEMP_FET", "OVER_TEMP_MOTOR")
-_VESC_FIELDS = {  # of the VESC's driver, as f1tenth_system and the MIT racecar have it
-    1: (
-        "float64", ("voltage_input temperature_pcb current_motor current_input speed duty_cycle charge_drawn "
-        "charge_regen energy_drawn energy_regen displacement distance_traveled"), "int32", "fault_code",
-    ),
-    2: (
-        "float64", ("temp_fet temp_motor current_motor current_input avg_id avg_iq duty_cycle speed voltage_input "
-        "charge_drawn charge_regen energy_drawn energy_regen"), "int32", "displacement distance_traveled fault_code",
-        "float64", "pid_pos_now", "int32", "controller_id",
-        "float64", "ntc_temp_mos1 ntc_temp_mos2 ntc_temp_mos3 avg_vd avg_vq",
-    ),
-}  # fmt: skip
+_VESC_FIELDS = (
+    "float64", ("temp_fet temp_motor current_motor current_input avg_id avg_iq duty_cycle speed voltage_input "
+    "charge_drawn charge_regen energy_drawn energy_regen"), "int32", "displacement distance_traveled fault_code",
+    "float64", "pid_pos_now", "int32", "controller_id",
+    "float64", "ntc_temp_mos1 ntc_temp_mos2 ntc_temp_mos3 avg_vd avg_vq",
+)  # fmt: skip
+"""Fields of a VescState: types, each with the names that have it. Source: the VESC's driver in f1tenth_system."""
 
 
-def vesc_definitions(ros: int) -> dict[str, str]:
-    """Return the definitions of the messages of the VESC's driver, in ROS 1 or ROS 2."""
-    said = _VESC_FIELDS[ros]
+def _vesc_definitions() -> dict[str, str]:
+    """Return the definitions of the messages of the VESC's driver in ROS 2."""
     lines = [f"int32 FAULT_CODE_{name}={number}" for number, name in enumerate(_FAULTS)]
-    lines += [f"{kind} {name}" for kind, names in zip(said[::2], said[1::2], strict=True) for name in names.split()]
+    for kind, names in zip(_VESC_FIELDS[::2], _VESC_FIELDS[1::2], strict=True):
+        lines += [f"{kind} {name}" for name in names.split()]
     return {
         "vesc_msgs/msg/VescStateStamped": "std_msgs/Header header\nvesc_msgs/VescState state\n",
         "vesc_msgs/msg/VescState": "\n".join(lines) + "\n",
@@ -120,7 +115,7 @@ def type_store(distribution: str = "") -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(getattr(Stores, f"ROS2_{distribution.upper()}", Stores.ROS2_HUMBLE))
-    for name, text in (_OTHERS | vesc_definitions(2)).items():
+    for name, text in (_OTHERS | _vesc_definitions()).items():
         store.register(get_types_from_msg(text, name))
     return store
 

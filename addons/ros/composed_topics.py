@@ -56,7 +56,7 @@ RANGE_MIN, RANGE_MAX = 0.06, 10.0
 _CAR = Electrics.bundled()
 SPEED_TO_ERPM, BATTERY, VOLTS_FOR_SPEED = _CAR.erpm_per_speed, _CAR.full_voltage, _CAR.volts_per_speed
 """[1/m 1/min s] of the VESC's motor, [V] of the battery without a load, [V s/m] of the motor: the default car's."""
-_TEMPERATURES = ("temperature_pcb", "temp_fet", "temp_motor", "ntc_temp_mos1", "ntc_temp_mos2", "ntc_temp_mos3")
+_TEMPERATURES = ("temp_fet", "temp_motor", "ntc_temp_mos1", "ntc_temp_mos2", "ntc_temp_mos3")
 
 VESC = re.compile(r"(?P<driver>(?:/vesc)?)/commands/(?P<name>motor/speed|servo/position)")
 STEERING_TO_SERVO, SERVO_OFFSET = -1.2135, 0.5304  # the same
@@ -74,7 +74,7 @@ def steering_of_servo(position: float) -> float:
 
 
 def motor_fields(odometry: Odometry, mass: float) -> dict[str, float]:
-    """Return the fields of a VescState of ROS 1 or ROS 2 that are not 0.
+    """Return the fields of a VescState of ROS 2 that are not 0.
 
     They are those of the car's VESC, its reading `vesc`. Of a car without one they are those of the default car's motor
     and battery, for a force that is the mass [kg] times the acceleration ahead.

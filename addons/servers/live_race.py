@@ -45,7 +45,7 @@ from fg_mujoco.addons.ros.bag_writer import EGO, LATCHED, OPPONENT, car_mounts, 
 from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
 from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE
 from fg_mujoco.addons.ros.node_host.graph import BEGIN, Graph, Subscription
-from fg_mujoco.addons.ros.node_host.message_classes import ROS2, made, message_class
+from fg_mujoco.addons.ros.node_host.message_classes import made, message_class
 from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES, OTHERS, OWN_TO_OTHER, TOPICS, Sensing
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import STOP, DriveCommand
@@ -203,7 +203,7 @@ class LiveRace:
         heard = [topic for topic in kinds if topic not in _FROM_HERE]
         if [each.topic for each in self._graph.subscriptions] != heard:
             self._graph.subscriptions = [
-                Subscription(topic, message_class(kinds[topic], ROS2), lambda message: None, 1, _NODE, "")
+                Subscription(topic, message_class(kinds[topic]), lambda message: None, 1, _NODE, "")
                 for topic in heard
             ]
         sensed = dict(sensing.messages(session.scan, session.odometry))
@@ -237,7 +237,7 @@ class LiveRace:
             scan = engine.scans.get(1) or engine.beams.to_scan(engine.ranges[1], odometry.stamp)
             message = scan_message(scan, f"{OPPONENT}/{LASER_FRAME}")
         else:
-            return made(message_class(kind, ROS2), data=_FROM_HERE[topic][1](session))
+            return made(message_class(kind), data=_FROM_HERE[topic][1](session))
         message.header.stamp.sec += BEGIN // 1_000_000_000
         return message
 
@@ -266,7 +266,7 @@ class LiveRace:
 
     def _sense(self) -> None:
         """Begin to sense: odometry and map are those of this moment."""
-        self._sensing = Sensing(self._graph, ROS2, self.session.world.parameters)
+        self._sensing = Sensing(self._graph, self.session.world.parameters)
         self.moment([])
 
     def _mounts(self) -> list[tuple[str, str, Any, Any]]:

@@ -6,20 +6,6 @@ from fg_mujoco.racing.planners import make_controller
 from scan_worlds import CAR, corridor, odometry_of
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
-ROS1 = """
-import rospy
-from sensor_msgs.msg import LaserScan
-from ackermann_msgs.msg import AckermannDriveStamped
-
-def drive(speed, angle=0):
-    message = AckermannDriveStamped()
-    message.drive.speed, message.drive.steering_angle = speed, angle
-    publisher.publish(message)
-
-rospy.init_node("mine")
-publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
-count = [0]
-"""
 ROS2 = """
 import numpy as np
 import rclpy
@@ -55,13 +41,6 @@ def write(folder, text, name="mine.py"):
 
 def indented(text, by):
     return "".join(f"{' ' * by}{line}\n" for line in text.splitlines())
-
-
-def node1(folder, body, more=""):
-    """Write a node of ROS 1 whose callback of scans has a body, and return what names it."""
-    body = indented(f"count[0] += 1\n{body}", 4)
-    takes = f'{more}\ndef take(scan):\n{body}\nrospy.Subscriber("/scan", LaserScan, take)\nrospy.spin()\n'
-    return write(folder, ROS1 + takes)
 
 
 def node2(folder, body, init="", more="", head=ROS2, name="mine.py"):

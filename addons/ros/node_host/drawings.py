@@ -12,8 +12,7 @@ import numpy as np
 from fg_mujoco.messages import FloatArray, Sketch
 
 from ..bag_messages import MAP_FRAME
-from .graph import Graph
-from .rospy_times import NANOSECONDS
+from .graph import NANOSECONDS, Graph
 from .transform_modules import TransformException, lookup, matrix
 
 _ADD, _DELETE_ALL = 0, 3  # visualization_msgs/Marker.action; 2 is DELETE
@@ -90,10 +89,10 @@ class Drawings:
         rgb = marker.colors[0] if marker.colors and not colour.a else colour
         red, green, blue = (int(np.clip(round(255 * part), 0, 255)) for part in (rgb.r, rgb.g, rgb.b))
         lasts = marker.lifetime
-        seconds = lasts.to_nsec() if hasattr(lasts, "to_nsec") else lasts.sec * NANOSECONDS + lasts.nanosec
+        nanoseconds = lasts.sec * NANOSECONDS + lasts.nanosec
         least = _LINE if points.ndim == 3 else _POINT
         self._keep(key, marker.header.frame_id, _moved(own, points), (red, green, blue), size or least,
-                   time + seconds if seconds > 0 else None)  # fmt: skip
+                   time + nanoseconds if nanoseconds > 0 else None)  # fmt: skip
 
     def _keep(
         self,

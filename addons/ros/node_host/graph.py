@@ -27,7 +27,9 @@ from typing import Any
 
 from fg_mujoco.simulation.showing import pass_on
 
-BEGIN = 1_000_000_000 * 1_000_000_000
+NANOSECONDS = 1_000_000_000
+"""In a second."""
+BEGIN = 1_000_000_000 * NANOSECONDS
 """[ns] ROS time at which a race begins: nodes take 0 for "no time yet"."""
 
 _LEAD = 1_000_000  # [ns] from when nodes are made to the first scan: some divide by the time between
@@ -316,21 +318,15 @@ class Graph:
         tick = self.ticks
         self.pause(wake, lambda: self.ticks > tick or ready())
 
-    def breathe(self) -> bool:
-        """Let time go on for a loop that asks "is it over?" again and again, and waits for nothing.
-
-        Returns:
-          Whether time has gone on.
-        """
+    def breathe(self) -> None:
+        """Let time go on for a loop that asks "is it over?" again and again, and waits for nothing."""
         if self.current is None or self.closed:
-            return False
+            return
         self._asked = self._asked + 1 if self._asked_at == self.now else 1
         self._asked_at = self.now
         if self._asked > _MOST_QUESTIONS:
             self._asked = 0
             self.poll()
-            return True
-        return False
 
     def deliver(self, topic: str, message: Any) -> None:
         """Put a message into the queues of those who listen; each but the first gets a copy of its own."""
@@ -345,11 +341,11 @@ class Graph:
         self._count += 1
         subscription.queue.append((self._count, message))
 
-    def subscribe(self, subscription: Subscription, *, latched: bool = True) -> None:
+    def subscribe(self, subscription: Subscription) -> None:
         """Add one who listens; the last message of a latched topic comes at once."""
         self.subscriptions.append(subscription)
         kept = self.latched.get(subscription.topic)
-        if latched and isinstance(kept, subscription.kind):
+        if isinstance(kept, subscription.kind):
             self.queue(subscription, copy.deepcopy(kept))
 
     def bury(self, process: Process) -> None:

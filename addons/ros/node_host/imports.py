@@ -20,11 +20,11 @@ from types import ModuleType
 from typing import Any
 
 from fg_mujoco.errors import ControllerError, accepted_names
+from fg_mujoco.gone import gone
 from fg_mujoco.simulation.old_numpy import OLD_NAMES
 
 from .graph import Graph
 from .message_classes import SERVICE_PACKAGES, Definitions
-from .reconfigure import configurations
 from .rosidl_modules import rosidl_modules
 from .source import FINDER, Unused, data_file, is_package_of_python, own_folders, read_source
 from .workspace import module_folders, packages
@@ -46,11 +46,7 @@ class StandIn(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        raise LackingError(lacks(self, name))
-
-
-class LackingError(AttributeError):
-    """A node uses a name that a stub lacks: a fault of the stub and not of the node."""
+        raise AttributeError(lacks(self, name))
 
 
 def lacks(module: ModuleType, name: str) -> str:
@@ -89,10 +85,6 @@ class Absent(ModuleType):
         raise self._error
 
 
-class NeedsRospy(BaseException):
-    """A program of ROS 1 that was taken for one of ROS 2. No Exception: `except ImportError` does not catch it."""
-
-
 class Imports:
     """The modules of one node.
 
@@ -125,11 +117,9 @@ class Imports:
             "runpy": Overlay(runpy, run_path=self._run_path),
         }
         self._modules |= {name: StandIn(name, **own) for name, own in rosidl_modules(self._interface).items()}
-        self._modules["roslib.message"] = StandIn("roslib.message", get_message_class=self._interface)
         self._drawing = drawing
         self._draws: set[str] = set()  # files that may draw random numbers, or use old names of NumPy
         self._own: dict[Path, ModuleType] = {}
-        self._uses_rclpy = False
         self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module, FINDER: self._find_data}
         self._folders = own_folders(node)
@@ -249,9 +239,8 @@ class Imports:
         top = name.partition(".")[0]
         if name in self._overlays:
             return self._overlays[name if wanted else top]
-        self._uses_rclpy |= top == "rclpy"
-        if top == "rospy" and "rclpy" in self._modules and not self._uses_rclpy:
-            raise NeedsRospy
+        if top == "rospy":
+            raise ModuleNotFoundError(gone(top), name=top)
         if name in self._drawing and str((globals or {}).get("__file__")) in self._draws:
             return self._drawing[name if wanted or "." not in name else "numpy"]
         added = [each for each in self._overlays["sys"].path if each not in sys.path and isinstance(each, str)]
@@ -304,7 +293,7 @@ class Imports:
         if own is None:
             return None
         for each in (each for each in wanted if not hasattr(own, each)):
-            part = self._stub(f"{name}.{each}") if each in ("msg", "srv", "action", "cfg") else None
+            part = self._stub(f"{name}.{each}") if each in ("msg", "srv", "action") else None
             if part is not None:
                 setattr(own, each, part)
         return own
@@ -312,9 +301,6 @@ class Imports:
     def _stub(self, name: str) -> ModuleType | None:
         top, _, rest = name.partition(".")
         if name not in self._modules and rest in ("msg", "srv", "action") and self._package(top):
-            self._hang(name)
-        elif name not in self._modules and rest == "cfg" and (folders := self._message_folders(top, "cfg")):
-            self._modules[name] = StandIn(name, **configurations(folders))
             self._hang(name)
         elif name not in self._modules and not rest and self._package(top, loose=False):
             self._modules[top] = StandIn(top)

@@ -18,7 +18,7 @@ from fg_mujoco.errors import ControllerError
 
 from .graph import Graph
 from .imports import Imports, Overlay, StandIn
-from .message_classes import ROS2, Definitions
+from .message_classes import Definitions
 from .node_session import Session
 from .other_modules import overlays, random_overlays
 
@@ -188,7 +188,7 @@ class LaunchImports(Imports):
         }  # fmt: skip
         stubs = {name: StandIn(name, **index) for name in ("ament_index_python", "ament_index_python.packages")}
         super().__init__(
-            path, graph, Definitions(ROS2), stubs, overlays(session, lambda _: None), random_overlays(0)
+            path, graph, Definitions(), stubs, overlays(session, lambda _: None), random_overlays(0)
         )  # fmt: skip
         self._builtins["open"] = _opened
 

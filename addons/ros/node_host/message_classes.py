@@ -1,10 +1,10 @@
 """Message classes as Python nodes of ROS have them: fields, types and defaults of the real definitions.
 
-    Point = message_class("geometry_msgs/msg/Point", ROS2)
+    Point = message_class("geometry_msgs/msg/Point")
     Point(x=1.0).y  # 0.0
 
-Definitions are those of the package rosbags, or of a user's `.msg` files. Messages of ROS 2 refuse a value of another
-type, as rclpy does; those of ROS 1 take any. Both refuse a field that the definition has not.
+Definitions are those of the package rosbags, or of a user's `.msg` files. Messages refuse a value of another type, as
+rclpy does, and a field that the definition has not.
 """
 
 from __future__ import annotations
@@ -14,37 +14,23 @@ import importlib.util
 import re
 import warnings
 from collections.abc import Callable, Mapping
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from fg_mujoco.errors import ControllerError, accepted_names, missing_extra
-from fg_mujoco.simulation.old_numpy import one_element_advice
 
-from ..bag_messages import type_store, vesc_definitions
+from ..bag_messages import type_store
 from .graph import THREAD
-from .rospy_times import RosDuration, RosTime
-
-ROS1, ROS2 = 1, 2
-"""Flavours of messages."""
 
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4  # kinds of fields, as rosbags numbers them
 _TYPE_CODES = {
     "float32": "f", "float64": "d", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
     "uint32": "I", "int64": "q", "uint64": "Q",
 }  # fmt: skip
-_NUMBERS = {"float", "double", *_TYPE_CODES}  # types of fields of one number
-_DEFAULTS: Mapping[tuple[str, str], Any] = {("geometry_msgs/msg/Quaternion", "w"): 1.0}  # of ROS 2; all others are 0
-
-_ACKERMANN_1 = {
-    "ackermann_msgs/msg/AckermannDriveStamped": "Header header\nackermann_msgs/AckermannDrive drive\n",
-    "ackermann_msgs/msg/AckermannDrive": (
-        "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
-    ),
-}
-
+_DEFAULTS: Mapping[tuple[str, str], Any] = {("geometry_msgs/msg/Quaternion", "w"): 1.0}  # all others are 0
 
 _STATE = "std_msgs/Header header\nstring[] joint_names\n" + "".join(
     f"trajectory_msgs/JointTrajectoryPoint {name}\n" for name in ("desired", "actual", "error")
@@ -118,11 +104,7 @@ class Message:
     _checks: ClassVar[dict[str, Callable[[Any], Any]]]
     _fields_and_field_types: ClassVar[dict[str, str]]
 
-    def __init__(self, *values: Any, **named: Any) -> None:
-        if values:
-            if len(values) > len(self._makers):
-                raise TypeError(f"{self._type} has {len(self._makers)} fields; {len(values)} values are given")
-            named = {**dict(zip(self._makers, values, strict=False)), **named}
+    def __init__(self, **named: Any) -> None:
         for name, value in named.items():
             setattr(self, name, value)
 
@@ -168,11 +150,7 @@ class Message:
     __copy__ = None
 
     def __reduce__(self) -> Any:
-        return _restored, (self._type, self._flavour(), {name: getattr(self, name) for name in self._makers})
-
-    @classmethod
-    def _flavour(cls) -> int:
-        return ROS1 if issubclass(cls, Message1) else ROS2
+        return _restored, (self._type, {name: getattr(self, name) for name in self._makers})
 
     @classmethod
     def _accepted(cls, name: str) -> str:
@@ -187,42 +165,6 @@ class Message:
     def get_fields_and_field_types(cls) -> dict[str, str]:
         """Return the fields, in their order, and the names of their types."""
         return dict(cls._fields_and_field_types)
-
-
-class Message1(Message):
-    """A message of ROS 1."""
-
-    __slots__ = ()
-
-    def __init__(self, *values: Any, **named: Any) -> None:
-        if values and len(values) != len(self._makers):
-            raise TypeError(f"{self._type} has {len(self._makers)} fields; {len(values)} values are given")
-        super().__init__(*values, **named)
-
-    def unpackable(self) -> str:
-        """Return the message for the first field of a number that ROS 1 cannot send; an empty text: it sends all."""
-        for name, kind in self._fields_and_field_types.items():
-            value = getattr(self, name)
-            if isinstance(value, Message1):
-                wrong = value.unpackable()
-                if wrong:
-                    return wrong
-            elif kind in _NUMBERS and not isinstance(value, (float, int)):
-                try:
-                    float("" if isinstance(value, str) else value)
-                except (TypeError, ValueError):
-                    hint = one_element_advice() if np.size(value) == 1 and isinstance(value, np.ndarray) else ""
-                    return f"{self._type}.{name} is {_shown(value)}; accepted by rospy: a number{hint}"
-        return ""
-
-
-class Message2(Message):
-    """A message of ROS 2."""
-
-    __slots__ = ()
-
-    def __init__(self, **named: Any) -> None:
-        super().__init__(**named)
 
 
 def made(kind: type[Message], **values: Any) -> Any:
@@ -240,21 +182,16 @@ def full_name(kind: str) -> str:
 
 
 class Definitions:
-    """The messages of one flavour, those of users' `.msg` files included.
+    """The messages of one planner's nodes, those of users' `.msg` files included."""
 
-    Args:
-      flavour: ROS1 or ROS2.
-    """
-
-    def __init__(self, flavour: int) -> None:
-        self.flavour = flavour
+    def __init__(self) -> None:
         self._own: dict[str, tuple[Any, Any]] = {}
         self._own_defaults: dict[tuple[str, str], Any] = {}
         self._own_classes: dict[str, type[Message]] = {}
 
     def names(self, package: str) -> list[str]:
         """Return the names of the messages of a package; none where it is not known."""
-        known = [*_standard(self.flavour), *self._own]
+        known = [*_standard(), *self._own]
         return sorted({kind.rpartition("/")[2] for kind in known if kind.startswith(f"{package}/msg/")})
 
     def kind(self, name: str) -> type[Message]:
@@ -266,8 +203,8 @@ class Definitions:
         if name in self._own_classes:
             return self._own_classes[name]
         if name not in self._own:
-            return message_class(name, self.flavour)
-        found = _built(name, self._own[name], self.flavour, self.kind, self._own_defaults)
+            return message_class(name)
+        found = _built(name, self._own[name], self.kind, self._own_defaults)
         self._own_classes[name] = found
         return found
 
@@ -327,106 +264,86 @@ class Definitions:
         return found
 
 
-@lru_cache(maxsize=2)
-def _standard(flavour: int) -> dict[str, tuple[Any, Any]]:
+@cache
+def _standard() -> dict[str, tuple[Any, Any]]:
     """Return the definitions of the message packages of ROS: name -> (constants, fields)."""
     require_rosbags()
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys import get_types_from_msg
 
     control = {f"control_msgs/msg/{name}": text for name, text in _CONTROL.items()}
-    if flavour == ROS1:  # the parts of an action are messages
-        for part, text in zip(
-            ("Goal", "Result", "Feedback"), _SERVICES["control_msgs/FollowJointTrajectory"].split("---\n"), strict=True
-        ):
-            control[f"control_msgs/msg/FollowJointTrajectory{part}"] = text
-    texts = {**vesc_definitions(flavour), **control}
-    more = {name: get_types_from_msg(text, name)[name] for name, text in texts.items()}
-    if flavour == ROS2:
-        return {**more, **type_store().fielddefs}
-    store = get_typestore(Stores.ROS1_NOETIC)
-    for name, text in _ACKERMANN_1.items():
-        store.register(get_types_from_msg(text, name))
-    found = {**more, **store.fielddefs}
-    humble = type_store().fielddefs
-    for name in ("tf2_msgs/msg/TFMessage", "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/TransformStamped"):
-        found.setdefault(name, humble[name])
-    return found
+    more = {name: get_types_from_msg(text, name)[name] for name, text in control.items()}
+    return {**more, **type_store().fielddefs}
 
 
 @cache
-def message_class(name: str, flavour: int) -> type[Message]:
+def message_class(name: str) -> type[Message]:
     """Return the class of a message of ROS, `package/msg/Name`.
 
     Raises:
       KeyError: it is not known.
       MissingExtraError: the extra `ros` is not installed.
     """
-    if flavour == ROS1 and name == "builtin_interfaces/msg/Time":
-        return RosTime  # type: ignore[return-value]
-    if flavour == ROS1 and name == "builtin_interfaces/msg/Duration":
-        return RosDuration  # type: ignore[return-value]
-    return _built(name, _standard(flavour)[name], flavour, lambda inner: message_class(inner, flavour), {})
+    return _built(name, _standard()[name], message_class, {})
 
 
 def _built(
-    name: str, found: tuple[Any, Any], flavour: int, kind_of: Callable[[str], Any], defaults: Mapping[Any, Any]
+    name: str, found: tuple[Any, Any], kind_of: Callable[[str], Any], defaults: Mapping[Any, Any]
 ) -> type[Message]:
     """Return the class of a definition."""
     constants, fields = found
     short = f"{name.partition('/')[0]}/{name.rpartition('/')[2]}"
-    known = {**_DEFAULTS, **defaults} if flavour == ROS2 else defaults
+    known = {**_DEFAULTS, **defaults}
     makers, checks = {}, {}
     for field, described in fields:
         if field == "structure_needs_at_least_one_member":
             continue
-        maker, check = _field(f"{short}.{field}", described, flavour, kind_of)
+        maker, check = _field(f"{short}.{field}", described, kind_of)
         if (name, field) in known:
             maker = _constant(known[name, field])
         makers[field], checks[field] = maker, check
     body = {
-        "__slots__": tuple(makers), "__doc__": f"{name} of ROS {flavour}.",
+        "__slots__": tuple(makers), "__doc__": f"{name} of ROS 2.",
         "__module__": f"{name.partition('/')[0]}.msg",
-        "_type": short, "_makers": makers, "_checks": checks, "_md5sum": "*", "_full_text": "",
-        "_slot_types": [_type_name(described) for field, described in fields if field in makers],
+        "_type": short, "_makers": makers, "_checks": checks,
         "_fields_and_field_types": {
             field: _type_name(described) for field, described in fields if field in makers
         },
         **{constant: value for constant, _, value in constants},
     }  # fmt: skip
-    return type(name.rpartition("/")[2], (Message1 if flavour == ROS1 else Message2,), body)
+    return type(name.rpartition("/")[2], (Message,), body)
 
 
-def _field(said: str, described: Any, flavour: int, kind_of: Callable[[str], Any]) -> tuple[Any, Callable[[Any], Any]]:
+def _field(said: str, described: Any, kind_of: Callable[[str], Any]) -> tuple[Any, Callable[[Any], Any]]:
     """Return two functions: one makes the default of a field, one checks a value and returns it as it is kept."""
     node, inside = int(described[0]), described[1]
     if node == _NAME:
         kind = kind_of(inside)
-        return kind, _anything if flavour == ROS1 else _instance(said, kind, kind.__name__)
+        return kind, _instance(said, kind, kind.__name__)
     if node == _BASE:
         base = inside[0]
         if base == "string":
-            return str, _anything if flavour == ROS1 else _instance(said, str, "str")
+            return str, _instance(said, str, "str")
         if base == "bool":
-            return bool, _anything if flavour == ROS1 else _instance(said, bool, "bool")
+            return bool, _instance(said, bool, "bool")
         if base.startswith("float"):
-            return float, _anything if flavour == ROS1 else _instance(said, float, "float")
-        if base in ("byte", "octet") and flavour == ROS2:
+            return float, _instance(said, float, "float")
+        if base in ("byte", "octet"):
             return _constant(b"\x00"), _instance(said, bytes, "bytes")
-        if base == "char" and flavour == ROS2:
+        if base == "char":
             return int, _instance(said, int, "int")
-        return int, _anything if flavour == ROS1 else _whole(said, base)
+        return int, _whole(said, base)
     (inner, element), length = inside
     fixed = length if node == _ARRAY else None
     if int(inner) == _NAME:
         kind = kind_of(element)
         make = list if fixed is None else (lambda: [kind() for _ in range(fixed)])
-        return make, _anything if flavour == ROS1 else _list_of(said, kind, kind.__name__, fixed)
+        return make, _list_of(said, kind, kind.__name__, fixed)
     base = element[0]
     code = _TYPE_CODES.get(base)
-    if flavour == ROS1 or code is None:
+    if code is None:
         plain = {"string": str, "bool": bool}.get(base, float if base.startswith("float") else int)
         make = list if fixed is None else (lambda: [plain()] * fixed)
-        return make, _anything if flavour == ROS1 else _list_of(said, plain, plain.__name__, fixed)
+        return make, _list_of(said, plain, plain.__name__, fixed)
     if fixed is not None:
         kind = np.dtype(base)
         return (lambda: np.zeros(fixed, kind)), _fixed_array(said, kind, fixed)
@@ -446,10 +363,6 @@ def _type_name(described: Any) -> str:
 
 def _constant(value: Any) -> Callable[[], Any]:
     return lambda: value
-
-
-def _anything(value: Any) -> Any:
-    return value
 
 
 def _instance(said: str, kind: Any, name: str) -> Callable[[Any], Any]:
@@ -561,5 +474,5 @@ def _copied(value: Any, memo: Any) -> Any:
     return value.__deepcopy__(memo) if hasattr(value, "__deepcopy__") else value
 
 
-def _restored(kind: str, flavour: int, values: dict[str, Any]) -> Any:
-    return made(message_class(full_name(kind), flavour), **values)
+def _restored(kind: str, values: dict[str, Any]) -> Any:
+    return made(message_class(full_name(kind)), **values)

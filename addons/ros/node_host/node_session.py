@@ -21,7 +21,6 @@ class Timer:
     callback: Callable[[], Any]
     due: int
     cancelled: bool = False
-    oneshot: bool = False
 
     def skip_to(self, now: int) -> None:
         """Plan the next call: a period after the last, and after now."""
@@ -64,7 +63,6 @@ class Session:
     takes_all: bool = False  # whether any parameter is accepted
     hooks: list[Callable[[], Any]] = field(default_factory=list)  # on shutdown
     waits: str = ""  # for what, where it has not come yet
-    failed: str = ""  # the last exception of a callback that the node survived
 
     @property
     def argv(self) -> list[str]:
@@ -108,10 +106,10 @@ class Session:
                 return f"has no parameter {name!r}; {accepted_names(name, sorted(self.asked))}"
         return ""
 
-    def add_timer(self, period: int, callback: Callable[[], Any], *, oneshot: bool = False) -> Timer:
+    def add_timer(self, period: int, callback: Callable[[], Any]) -> Timer:
         """Add a timer whose first call is a period [ns] from now, and not before the first scan."""
         since = max(self.graph.now, BEGIN - 1)  # timers of a node that starts before the race count from there
-        timer = Timer(max(1, period), callback, since + max(1, period), oneshot=oneshot)
+        timer = Timer(max(1, period), callback, since + max(1, period))
         self.timers.append(timer)
         return timer
 
@@ -126,8 +124,6 @@ class Session:
         if not due:
             return False
         timer = min(due, key=lambda each: each.due)
-        if timer.oneshot:
-            timer.cancelled = True
         timer.skip_to(self.graph.now)
         timer.callback()
         return True
@@ -138,7 +134,6 @@ class Session:
         timers: list[Timer],
         until: int | None = None,
         *,
-        spinning: bool = True,
         ready: Callable[[], bool] = lambda: False,
     ) -> None:
         """Wait until a callback is due, something else is ready, or a simulated time [ns] is reached; see Graph."""
@@ -151,7 +146,7 @@ class Session:
             self.graph.poll(due, min(times, default=None))
             return
         wake = min(times + ([] if until is None else [until]), default=None)
-        self.graph.pause(wake, due, spinning=spinning and until is None)
+        self.graph.pause(wake, due, spinning=until is None)
 
     def shut_down(self) -> None:
         """End ROS for this node."""

@@ -19,10 +19,9 @@ import numpy as np
 
 from fg_mujoco.simulation.old_numpy import BEFORE_1_24, BEFORE_2
 
+from .graph import NANOSECONDS
 from .imports import Overlay, StandIn, package_folder
 from .node_session import Session
-from .reconfigure import Config, client_of, server_of
-from .rospy_times import NANOSECONDS
 from .workspace import packages as packages_of
 
 
@@ -30,8 +29,8 @@ class PackageNotFoundError(KeyError):
     pass
 
 
-def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str, ModuleType]:
-    """Return the modules of small packages for one node; `modules` has its rclpy or rospy."""
+def other_modules(session: Session) -> dict[str, ModuleType]:
+    """Return the modules of small packages for one node."""
 
     def folder_of(name: str) -> str:
         found = package_folder(session.file, name)
@@ -46,28 +45,19 @@ def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str,
         "ament_index_python.packages", get_package_share_directory=folder_of, get_package_prefix=folder_of,
         get_package_share_path=lambda name: Path(folder_of(name)), PackageNotFoundError=PackageNotFoundError,
     )  # fmt: skip
-    found: dict[str, ModuleType] = {
+    return {
         "ament_index_python.packages": packages,
         "ament_index_python": StandIn("ament_index_python", **_public(packages)),
-        "roslib": StandIn("roslib", load_manifest=lambda name: None),
-        "roslib.packages": StandIn("roslib.packages", get_pkg_dir=folder_of),
         "rospkg": StandIn(
             "rospkg",
             RosPack=lambda *_: SimpleNamespace(get_path=folder_of, list=lambda: list(packages_of(session.file))),
             ResourceNotFound=PackageNotFoundError,
         ),
-        "rosgraph": StandIn("rosgraph", is_master_online=lambda *_: True),
-        "message_filters": _message_filters(modules),
+        "message_filters": _message_filters(),
     }
-    if "rospy" in modules:
-        server = server_of(modules["rospy"])
-        found["dynamic_reconfigure.server"] = StandIn("dynamic_reconfigure.server", Server=server)
-        found["dynamic_reconfigure.client"] = StandIn("dynamic_reconfigure.client", Client=client_of(modules["rospy"]))
-        found["dynamic_reconfigure.encoding"] = StandIn("dynamic_reconfigure.encoding", Config=Config)
-    return found
 
 
-def _message_filters(modules: dict[str, ModuleType]) -> ModuleType:
+def _message_filters() -> ModuleType:
     class Filter:
         def __init__(self) -> None:
             self._calls: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
@@ -82,12 +72,9 @@ def _message_filters(modules: dict[str, ModuleType]) -> ModuleType:
     class Subscriber(Filter):
         def __init__(self, *values: Any, qos_profile: Any = 10, **named: Any) -> None:
             super().__init__()
-            if "rospy" in modules:
-                self.sub = modules["rospy"].Subscriber(values[0], values[1], self.signal_message)
-            else:
-                node, kind, topic = values[:3]
-                depth = values[3] if len(values) > 3 else qos_profile
-                self.sub = node.create_subscription(kind, topic, self.signal_message, depth)
+            node, kind, topic = values[:3]
+            depth = values[3] if len(values) > 3 else qos_profile
+            self.sub = node.create_subscription(kind, topic, self.signal_message, depth)
 
     class Synchronizer(Filter):
         """Calls with the newest message of each, once the stamps lie within `slop` [s] of each other."""
@@ -284,7 +271,7 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
 
 
 def _seconds(stamp: Any) -> float:
-    return float(stamp.to_sec() if hasattr(stamp, "to_sec") else stamp.sec + stamp.nanosec / NANOSECONDS)
+    return float(stamp.sec + stamp.nanosec / NANOSECONDS)
 
 
 def _any_seconds(time: Any) -> float:

@@ -30,7 +30,6 @@ from fg_mujoco.errors import ControllerError, accepted_names, missing_extra
 from .graph import Graph
 from .imports import read_node
 from .launch_files import launched
-from .message_classes import ROS1, ROS2
 from .ros_parameters import flat, read_parameters
 from .source import own_files, parse
 from .workspace import is_launch_file, may_start
@@ -50,7 +49,6 @@ class NodeFile:
     path: Path
     text: bytes = field(repr=False)
     class_name: str  # empty: it is run as a script
-    flavour: int  # ROS1 or ROS2; 0: its own text names neither, and the modules that it imports decide
     is_script: bool  # whether it has a part for `__name__ == "__main__"`
     has_main: bool
     line: int  # of the class, or of `main`
@@ -145,8 +143,6 @@ def start_launch_file(program: Program, given: Mapping[str, Any], said: str, gra
             if number == len(found.nodes) and not nodes:
                 raise
             warnings.warn(f"{error}; the other nodes drive on", stacklevel=2)
-    if len({node.flavour for node in nodes} - {0}) > 1:
-        raise ControllerError(f"{said}: {program.path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
     return tuple(nodes)
 
 
@@ -171,25 +167,14 @@ def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeF
         hint = "; it is Python 2" if any(each in str(error) for each in _OF_PYTHON_2) else ""
         raise ControllerError(f"{said} does not import: {getattr(error, 'msg', error)}{where}{hint}") from error
     classes = {each.name: each.lineno for each in tree.body if isinstance(each, ast.ClassDef)}
-    named = {name for each in ast.walk(tree) for name in _imported(each)}
     if class_name and class_name not in classes and not _binds(tree, class_name):
         raise ControllerError(f"{said}: the file has no class {class_name!r}; {accepted_names(class_name, classes)}")
     mains = [each.lineno for each in tree.body if isinstance(each, ast.FunctionDef) and each.name == "main"]
     guards = [each.lineno for each in tree.body if isinstance(each, ast.If) and "__name__" in ast.dump(each.test)]
     line = classes.get(class_name, 1) if class_name else (mains or guards or [1])[0]
     return NodeFile(
-        path=path, text=text, class_name=class_name,
-        flavour=ROS1 if "rospy" in named else ROS2 if "rclpy" in named else 0, is_script=bool(guards),
-        has_main=bool(mains), line=line, **more,
+        path=path, text=text, class_name=class_name, is_script=bool(guards), has_main=bool(mains), line=line, **more,
     )  # fmt: skip
-
-
-def _imported(node: ast.AST) -> list[str]:
-    if isinstance(node, ast.Import):
-        return [each.name.partition(".")[0] for each in node.names]
-    if isinstance(node, ast.ImportFrom) and node.module:
-        return [node.module.partition(".")[0]]
-    return []
 
 
 def _binds(tree: ast.Module, name: str) -> bool:
@@ -226,8 +211,6 @@ def _read_launch(path: Path, said: str) -> Program:
                 arguments=read_arguments(row.get("args"), where),
             )
         )  # fmt: skip
-    if len({node.flavour for node in nodes} - {0}) > 1:
-        raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
     parts += [b"\n# " + node.path.name.encode() + b"\n" + _with_modules(node) for node in nodes]
     return Program(path=path, text=b"".join(parts), nodes=tuple(nodes))
 

@@ -6,9 +6,9 @@ import inspect
 from collections.abc import Callable, Generator
 from typing import Any
 
+from .graph import NANOSECONDS
 from .node_session import Session
 from .rclpy_lifecycle import LifecycleNodeMixin
-from .rospy_times import NANOSECONDS
 
 
 class ExternalShutdownException(Exception):

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from .graph import Graph, Publication, Subscription
+from .graph import NANOSECONDS, Graph, Publication, Subscription
 from .node_session import Session, Timer
 from .rclpy_qos import latches
 from .rclpy_times import Duration, Time
-from .rospy_times import NANOSECONDS
 
 
 class Handle:

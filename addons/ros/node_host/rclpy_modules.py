@@ -6,6 +6,7 @@ import enum
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+from .graph import NANOSECONDS
 from .imports import StandIn
 from .node_session import NodeLogger, Session
 from .rclpy_executors import (
@@ -47,7 +48,6 @@ from .rclpy_services import (
     ServerGoalHandle,
 )
 from .rclpy_times import Duration, Time
-from .rospy_times import NANOSECONDS
 
 ClockType = enum.IntEnum("ClockType", {"ROS_TIME": 1, "SYSTEM_TIME": 2, "STEADY_TIME": 3})
 LoggingSeverity = enum.IntEnum(

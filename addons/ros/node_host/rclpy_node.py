@@ -10,7 +10,7 @@ from typing import Any
 
 from fg_mujoco.errors import accepted_names
 
-from .graph import Publication, Subscription
+from .graph import NANOSECONDS, Publication, Subscription
 from .message_classes import full_name
 from .node_session import NodeLogger, Session, doubles
 from .rclpy_executors import CallbackGroup, MutuallyExclusiveCallbackGroup
@@ -27,7 +27,6 @@ from .rclpy_parameters import (
 )
 from .rclpy_qos import depth_of
 from .rclpy_services import Client
-from .rospy_times import NANOSECONDS
 from .services import offer
 
 

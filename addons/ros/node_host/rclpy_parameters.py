@@ -7,7 +7,7 @@ import enum
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
-from .message_classes import ROS2, message_class
+from .message_classes import message_class
 
 
 class ParameterException(Exception):
@@ -122,4 +122,4 @@ def parameter_value_to_python(parameter_value: Any) -> Any:
 
 def set_result(*, successful: bool, reason: str = "") -> Any:
     """Return rcl_interfaces/SetParametersResult."""
-    return message_class("rcl_interfaces/msg/SetParametersResult", ROS2)(successful=successful, reason=reason)
+    return message_class("rcl_interfaces/msg/SetParametersResult")(successful=successful, reason=reason)

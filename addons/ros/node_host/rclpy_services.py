@@ -7,9 +7,9 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+from .graph import NANOSECONDS
 from .node_session import Session
 from .rclpy_executors import Future
-from .rospy_times import NANOSECONDS
 from .services import ask, offered, wait_for
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import total_ordering
 from typing import Any
 
-from .message_classes import ROS2, made, message_class
-from .rospy_times import NANOSECONDS
+from .graph import NANOSECONDS
+from .message_classes import made, message_class
 
 
 @total_ordering
@@ -24,7 +24,7 @@ class _Rclpy:
     def to_msg(self) -> Any:
         """Return the message of builtin_interfaces that has this name."""
         sec, nanosec = divmod(self._nanoseconds, NANOSECONDS)
-        return made(message_class(f"builtin_interfaces/msg/{type(self).__name__}", ROS2), sec=sec, nanosec=nanosec)
+        return made(message_class(f"builtin_interfaces/msg/{type(self).__name__}"), sec=sec, nanosec=nanosec)
 
     @classmethod
     def from_msg(cls, msg: Any, *_: Any, **named: Any) -> Any:

@@ -78,7 +78,7 @@ def rcl_yaml(text: str | bytes, file: str = "") -> Any:
 
 
 def read_parameters(path: Path, text: bytes, node: str, said: str) -> dict[str, Any]:
-    """Return the parameters of a node in a YAML file of ROS 2 (`node: ros__parameters: ...`) or ROS 1 (a mapping).
+    """Return the parameters of a node in a YAML file of ROS 2, `node: ros__parameters: ...`.
 
     In names of nodes `*` stands for a name and `**` for any number of them. What stands under the node's own name
     counts more than under such a pattern, and else what stands last.
@@ -86,28 +86,26 @@ def read_parameters(path: Path, text: bytes, node: str, said: str) -> dict[str, 
     Args:
       path: of the file.
       text: of the file.
-      node: name of the node behind its namespace; of ROS 2 the entries of other nodes are left out; empty: of all.
+      node: name of the node behind its namespace; the entries of other nodes are left out; empty: of all.
       said: what wants them, for messages.
 
     Raises:
-      ControllerError: it cannot be read, or is no mapping.
+      ControllerError: it cannot be read, or has no such entry.
     """
     if importlib.util.find_spec("yaml") is None:
         raise missing_extra(f"{path} needs PyYAML", "ros")
     try:
-        found = plain_yaml(text, plain_loader(str(path)))
-        of_ros_2 = isinstance(found, dict) and any(True for _ in _sections(found))
-        found = rcl_yaml(text, str(path)) if of_ros_2 else found
+        found = rcl_yaml(text, str(path))
     except Exception as error:  # YAML's own, and whatever its values' readers raise
         raise ControllerError(f"{said}: {path} is no YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(found, dict):
-        raise ControllerError(f"{said}: {path} is no file of parameters; accepted: a mapping of names and values")
-    if not of_ros_2:
-        return flat(found)
+    sections = list(_sections(found)) if isinstance(found, dict) else []
+    if not sections:
+        form = f"NODE: {{{_SECTION}: {{NAME: VALUE}}}}"
+        raise ControllerError(f"{said}: {path} is no file of parameters; accepted: {form}")
     own = tuple(name for name in node.split("/") if name)
-    chosen = [(names, values) for names, values in _sections(found) if not own or _matches(names, own)]
+    chosen = [(names, values) for names, values in sections if not own or _matches(names, own)]
     if not chosen:
-        names = ", ".join("/".join(names) for names, _ in _sections(found))
+        names = ", ".join("/".join(names) for names, _ in sections)
         warnings.warn(f"{said}: {path} has parameters of {names}, and none of {node!r}", stacklevel=3)
     chosen.sort(key=lambda each: "*" not in "".join(each[0]))
     return {name: value for _, values in chosen for name, value in flat(values).items()}

@@ -36,16 +36,14 @@ from fg_mujoco.simulation.showing import listener
 from ..bag_messages import nanoseconds
 from .drawings import Drawings
 from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving
-from .graph import BEGIN, Graph, NodeError, Process
-from .imports import Imports, NeedsRospy
-from .message_classes import ROS1, ROS2, Definitions, message_class, require_rosbags
+from .graph import BEGIN, NANOSECONDS, Graph, NodeError, Process
+from .imports import Imports
+from .message_classes import Definitions, message_class, require_rosbags
 from .node_session import Session
 from .other_modules import other_modules, overlays, random_overlays
 from .program import NodeFile, Program, parameters_in, read_arguments, read_program, start_launch_file
 from .rclpy_modules import rclpy_modules
 from .ros_parameters import read_ros_arguments
-from .rospy_modules import rospy_modules
-from .rospy_times import NANOSECONDS
 from .sensing import Sensing, is_anothers
 from .sensor_modules import sensor_modules
 from .services import Call
@@ -80,7 +78,6 @@ class RosPlanner:
     _driving: Driving
     _drawings: Drawings
     _ticked: bool
-    _flavour: int
     _failed: list[str]  # of nodes that the others drive on without
     _ended: list[Process]  # of nodes, failed ones included, that have been told of
 
@@ -130,8 +127,8 @@ class RosPlanner:
             self._drawings.take(topic, message, time)
         return self._drawings.now()
 
-    def _build(self, flavour: int = 0) -> None:
-        """Start the nodes as those of a flavour; 0: the one that their files name, or that they import."""
+    def _build(self) -> None:
+        """Start the nodes."""
         require_rosbags()
         self._ticked, self._began = False, 0.0
         given = dict(self._settings)
@@ -158,13 +155,12 @@ class RosPlanner:
         self._graph.data |= read
         self._close = weakref.finalize(self, self._graph.close)
         self._drawings = Drawings(self._graph)
-        self._flavour = flavour or next((each.flavour for each in self._program.nodes if each.flavour), ROS2)
-        message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
-        self._sensing = Sensing(self._graph, self._flavour, self._car, beams)
+        message_class("std_msgs/msg/Header")  # definitions are read here, and not in a node's time
+        self._sensing = Sensing(self._graph, self._car, beams)
         self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
         goes_on, self._failed, self._ended = weakref.WeakMethod(self._goes_on_without), [], []
         self._graph.spares = lambda process, error: goes_on()(process, error)  # type: ignore[misc]
-        self._sessions, definitions = [], Definitions(self._flavour)
+        self._sessions, definitions = [], Definitions()
         for node in self._program.nodes:
             said = read_ros_arguments(arguments or node.arguments, node.name, self._said())
             called, namespace = said.name or node.name, (said.namespace or node.namespace).strip("/")
@@ -183,9 +179,6 @@ class RosPlanner:
         try:
             self._run(self._graph.settle)
             self._check()
-        except NeedsRospy:
-            self._close()
-            self._build(ROS1)
         except BaseException:
             self._close()
             raise
@@ -270,7 +263,6 @@ class RosPlanner:
         """Return the message for nodes that have published no command within PATIENCE."""
         drives = self._driving.topics()
         waits = "".join(f"; it waits for {session.waits}" for session in self._sessions if session.waits)
-        waits += "".join(f"; its callback failed: {session.failed}" for session in self._sessions if session.failed)
         if not drives:
             return self._no_drive() + waits
         waits += "".join(f"; {each}" for each in self._failed)
@@ -287,7 +279,7 @@ class RosPlanner:
             alike = [each for each in listened if listened[each] is kind and each not in others]
             ours = self._sensing.taken_for(topic, kind)
             here = self._sensing.kind_of(topic)
-            if ours is None or alike != [topic] or (here and message_class(here, self._flavour) is kind):
+            if ours is None or alike != [topic] or (here and message_class(here) is kind):
                 continue
             lacks = f"is {here} here" if here else "has no publisher here"
             for each in self._graph.subscriptions:
@@ -306,7 +298,7 @@ class RosPlanner:
             kind = self._sensing.kind_of(each.topic)
             if kind is None:
                 found[f"{each.topic} has no publisher here; node {each.node!r} listens{each.place}"] = None
-            elif each.kind is not message_class(kind, self._flavour):
+            elif each.kind is not message_class(kind):
                 said = f"{each.topic} is {kind} here; node {each.node!r} listens for {each.kind.__name__}"
                 found[f"{said}{each.place}"] = None
         if found:
@@ -366,18 +358,13 @@ NODES = PlannerScheme(find=find_node, code=source_text, vehicle=vehicle_of)
 
 def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Callable[[], None]:
     """Return the function that the thread of a node runs; nodes of a planner share the definitions of messages."""
-    rospy = definitions.flavour == ROS1
-    modules = rospy_modules(session) if rospy else rclpy_modules(session)
-    modules.update(transform_modules(session, definitions.flavour))
-    modules.update(sensor_modules(definitions.flavour))
-    modules.update(other_modules(session, modules))
+    modules = {
+        **rclpy_modules(session), **transform_modules(session), **sensor_modules(), **other_modules(session),
+    }  # fmt: skip
     graph = session.graph
 
     def sleep(seconds: float) -> None:
-        if rospy:
-            modules["rospy"].sleep(float(seconds))
-        else:
-            graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
+        graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
 
     imports = Imports(
         node.path, graph, definitions, modules, overlays(session, sleep), random_overlays(_SEED)
@@ -395,17 +382,10 @@ def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Call
             return
         module = imports.run(node.path, node.text, node.path.stem)
         kind = getattr(module, node.class_name)
-        if rospy:
-            modules["rospy"].init_node(node.class_name)
-            made = kind()
-        else:
-            modules["rclpy"].init()
-            made = kind()
-        if rospy:
-            modules["rospy"].spin()
-        elif not isinstance(made, modules["rclpy.node"].Node):
+        modules["rclpy"].init()
+        made = kind()
+        if not isinstance(made, modules["rclpy.node"].Node):
             raise TypeError(f"class {node.class_name} is no Node; accepted: a Node, or without class: ros:{node.path}")
-        else:
-            modules["rclpy"].spin(made)
+        modules["rclpy"].spin(made)
 
     return run

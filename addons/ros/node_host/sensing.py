@@ -26,9 +26,8 @@ from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_F
 from ..composed_topics import RANGE_MAX, RANGE_MIN, STEERING, THROTTLE, cars_in, motor_fields
 from ..front_camera import FIELD_OF_VIEW, SIZE, FrontCamera
 from ..occupancy_grid import Grid, grid_of
-from .graph import BEGIN, Graph
-from .message_classes import ROS1, made, message_class
-from .rospy_times import NANOSECONDS, RosTime
+from .graph import BEGIN, NANOSECONDS, Graph
+from .message_classes import made, message_class
 from .transform_modules import matrix
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
@@ -117,7 +116,6 @@ class Sensing:
 
     Args:
       graph: who listens.
-      flavour: of the messages.
       car: whose LiDAR is ahead of the rear axle.
       beams: of a scan, spread evenly over the LiDAR's angles, each with the nearest beam's range; None: the LiDAR's.
 
@@ -126,13 +124,12 @@ class Sensing:
       opponent: whether the nodes drive as the opponent of f1tenth_gym_ros does, by the names of that car.
     """
 
-    def __init__(self, graph: Graph, flavour: int, car: CarParameters, beams: int | None = None) -> None:
+    def __init__(self, graph: Graph, car: CarParameters, beams: int | None = None) -> None:
         self._beams = beams
-        self._graph, self._flavour, self._wheel_radius, self._mass = graph, flavour, car.wheel_radius, car.mass
+        self._graph, self._wheel_radius, self._mass = graph, car.wheel_radius, car.mass
         self._wheelbase, self._half_track, self._gravity = car.wheelbase, car.track_width / 2, car.gravity
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
         self._before: float | None = None
-        self._ticks = 0
         self.surroundings: Surroundings | None = None
         self.opponent = False
         self.command = (0.0, 0.0)  # speed [m/s] and steering angle [rad], last commanded
@@ -157,7 +154,6 @@ class Sensing:
     def messages(self, scan: LaserScan, odometry: Odometry) -> Iterator[tuple[str, Any]]:
         """Make the messages of one tick, in the order of TOPICS, and take the pose as the newest transform."""
         self._scan, self._odometry = scan, odometry
-        self._ticks += 1
         self._move()
         x, y, heading = self._pose.tolist()
         self._at = x, y, math.sin(heading / 2), math.cos(heading / 2)
@@ -205,7 +201,7 @@ class Sensing:
     def taken_for(self, topic: str, kind: type) -> str | None:
         """Return the topic that a node means by one of another name, where it is the only one of its type."""
         for ours, said in TAKEN_FOR.items():
-            if kind is message_class(TOPICS[ours][0], self._flavour):
+            if kind is message_class(TOPICS[ours][0]):
                 return ours if said in topic and not is_anothers(topic) else None
         return None
 
@@ -265,7 +261,7 @@ class Sensing:
         )  # fmt: skip
         return made(
             self._kind("nav_msgs/msg/OccupancyGrid"), header=self._header(self._odometry.stamp, MAP_FRAME), info=info,
-            data=tuple(numbers) if self._flavour == ROS1 else numbers,
+            data=numbers,
         )  # fmt: skip
 
     def _move(self) -> None:
@@ -314,7 +310,7 @@ class Sensing:
         return made(
             self._kind("sensor_msgs/msg/LaserScan"),
             header=self._header(first, frame),
-            ranges=tuple(numbers) if self._flavour == ROS1 else numbers,
+            ranges=numbers,
             **{name: _single(getattr(scan, name)) for name in names},
         )
 
@@ -355,12 +351,9 @@ class Sensing:
         )
 
     def _make_vesc_state(self) -> Any:
-        kind, told = self._kind("vesc_msgs/msg/VescState"), motor_fields(self._odometry, self._mass)
-        if self._flavour == ROS1:  # that driver's packets say -1 times the turns (f1tenth/vesc, main, vesc_packet.cpp)
-            told["speed"] = -told["speed"]
         return made(
             self._kind("vesc_msgs/msg/VescStateStamped"), header=self._header(self._odometry.stamp, ""),
-            state=made(kind, **{name: value for name, value in told.items() if name in kind._makers}),
+            state=made(self._kind("vesc_msgs/msg/VescState"), **motor_fields(self._odometry, self._mass)),
         )  # fmt: skip
 
     def _make_pose(self) -> Any:
@@ -418,8 +411,7 @@ class Sensing:
         pixels = self._camera.picture(self.surroundings, self._pose).tobytes()
         return made(
             self._kind(_IMAGE), header=self._header(self._odometry.stamp, CAMERA_FRAME), height=SIZE[1], width=SIZE[0],
-            encoding="rgb8", is_bigendian=0, step=3 * SIZE[0],
-            data=pixels if self._flavour == ROS1 else array.array("B", pixels),
+            encoding="rgb8", is_bigendian=0, step=3 * SIZE[0], data=array.array("B", pixels),
         )  # fmt: skip
 
     def _make_lens(self) -> Any:
@@ -432,14 +424,14 @@ class Sensing:
         rows = np.array(((focus, 0.0, 0.5 * width), (0.0, focus, 0.5 * height), (0.0, 0.0, 1.0)))
         projection = np.column_stack((rows, np.zeros(3)))
         for name, values in {"k": rows, "r": np.eye(3), "p": projection, "d": np.zeros(5)}.items():
-            setattr(message, name.upper() if self._flavour == ROS1 else name, values.ravel().tolist())
+            setattr(message, name, values.ravel().tolist())
         return message
 
     def _encoder(self, name: str, wheel: int) -> Any:
         turned = float(self._turned[wheel])
         return made(
             self._kind("sensor_msgs/msg/JointState"), header=self._header(self._odometry.stamp, name), name=[name],
-            position=(turned,) if self._flavour == ROS1 else array.array("d", (turned,)),
+            position=array.array("d", (turned,)),
         )  # fmt: skip
 
     def _number(self, value: float) -> Any:
@@ -496,17 +488,13 @@ class Sensing:
         )  # fmt: skip
 
     def _kind(self, name: str) -> Any:
-        return message_class(name, self._flavour)
+        return message_class(name)
 
     def _header(self, stamp: float, frame: str) -> Any:
-        counted = {"seq": self._ticks} if self._flavour == ROS1 else {}  # as rospy counts what is published
-        return made(self._kind("std_msgs/msg/Header"), stamp=self._time(stamp), frame_id=frame, **counted)
+        return made(self._kind("std_msgs/msg/Header"), stamp=self._time(stamp), frame_id=frame)
 
     def _time(self, stamp: float) -> Any:
-        time = BEGIN + nanoseconds(stamp)
-        if self._flavour == ROS1:
-            return RosTime.from_nanoseconds(time)
-        sec, nanosec = divmod(time, NANOSECONDS)
+        sec, nanosec = divmod(BEGIN + nanoseconds(stamp), NANOSECONDS)
         return made(self._kind("builtin_interfaces/msg/Time"), sec=sec, nanosec=nanosec)
 
     def _vector(self, values: Any) -> Any:

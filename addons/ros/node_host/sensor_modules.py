@@ -17,7 +17,7 @@ import numpy as np
 from fg_mujoco.messages import FloatArray
 
 from .imports import StandIn, to_install
-from .message_classes import ROS1, message_class
+from .message_classes import message_class
 from .transform_modules import matrix
 
 _POINT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")  # INT8 is 1, FLOAT64 is 8
@@ -29,20 +29,17 @@ class CvBridgeError(TypeError):
     pass
 
 
-def sensor_modules(flavour: int) -> dict[str, ModuleType]:
-    """Return the modules for nodes of a flavour."""
-    clouds = _point_cloud2(flavour)
-    if flavour == ROS1:
-        found: dict[str, ModuleType] = {"sensor_msgs.point_cloud2": StandIn("sensor_msgs.point_cloud2", **clouds)}
-    else:
-        found = {"sensor_msgs_py.point_cloud2": StandIn("sensor_msgs_py.point_cloud2", **clouds)}
+def sensor_modules() -> dict[str, ModuleType]:
+    """Return the modules."""
+    found: dict[str, ModuleType] = {
+        "sensor_msgs_py.point_cloud2": StandIn("sensor_msgs_py.point_cloud2", **_point_cloud2())
+    }
     for name in ("laser_geometry", "laser_geometry.laser_geometry"):
-        found[name] = StandIn(name, LaserProjection=type("LaserProjection", (_Projection,), {"_flavour": flavour}))
+        found[name] = StandIn(name, LaserProjection=_Projection)
     for name in ("tf2_sensor_msgs", "tf2_sensor_msgs.tf2_sensor_msgs"):
         found[name] = StandIn(name, do_transform_cloud=_moved)
-    bridge = type("CvBridge", (_CvBridge,), {"_flavour": flavour})
     for name in ("cv_bridge", "cv_bridge.core"):
-        found[name] = StandIn(name, CvBridge=bridge, CvBridgeError=CvBridgeError)
+        found[name] = StandIn(name, CvBridge=_CvBridge, CvBridgeError=CvBridgeError)
     return found
 
 
@@ -83,7 +80,7 @@ def _chosen(
     return found
 
 
-def _cloud(flavour: int, header: Any, fields: Sequence[Any], points: Any) -> Any:
+def _cloud(header: Any, fields: Sequence[Any], points: Any) -> Any:
     kind = _dtype(fields)
     if isinstance(points, np.ndarray) and points.dtype.names:
         rows = np.empty(points.shape, kind)
@@ -92,21 +89,20 @@ def _cloud(flavour: int, header: Any, fields: Sequence[Any], points: Any) -> Any
     else:
         rows = np.array([tuple(each) for each in points], kind)
     height, width = rows.shape if rows.ndim == 2 else (1, rows.size)
-    return message_class("sensor_msgs/msg/PointCloud2", flavour)(
+    return message_class("sensor_msgs/msg/PointCloud2")(
         header=header, height=height, width=width, is_dense=False, is_bigendian=False, fields=list(fields),
         point_step=kind.itemsize, row_step=kind.itemsize * width, data=rows.tobytes(),
     )  # fmt: skip
 
 
-def _floats(flavour: int, names: Iterable[str]) -> list[Any]:
-    kind = message_class("sensor_msgs/msg/PointField", flavour)
+def _floats(names: Iterable[str]) -> list[Any]:
+    kind = message_class("sensor_msgs/msg/PointField")
     return [kind(name=name, offset=4 * i, datatype=7, count=1) for i, name in enumerate(names)]
 
 
-def _point_cloud2(flavour: int) -> dict[str, Any]:
+def _point_cloud2() -> dict[str, Any]:
     def read_points(cloud: Any, field_names: Any = None, skip_nans: bool = False, uvs: Any = None, *_: Any) -> Any:
-        found = _chosen(cloud, field_names, skip_nans, uvs)
-        return iter(found.tolist()) if flavour == ROS1 else found  # tuples, or records
+        return _chosen(cloud, field_names, skip_nans, uvs)
 
     def read_points_numpy(
         cloud: Any, field_names: Any = None, skip_nans: bool = False, uvs: Any = None, *_: Any
@@ -120,12 +116,12 @@ def _point_cloud2(flavour: int) -> dict[str, Any]:
         return [point(*each) for each in found.tolist()]
 
     def create_cloud(header: Any, fields: Sequence[Any], points: Any, *_: Any) -> Any:
-        return _cloud(flavour, header, fields, points)
+        return _cloud(header, fields, points)
 
     def create_cloud_xyz32(header: Any, points: Any, *_: Any) -> Any:
-        return _cloud(flavour, header, _floats(flavour, "xyz"), points)
+        return _cloud(header, _floats("xyz"), points)
 
-    kinds = {name: message_class(f"sensor_msgs/msg/{name}", flavour) for name in ("PointCloud2", "PointField")}
+    kinds = {name: message_class(f"sensor_msgs/msg/{name}") for name in ("PointCloud2", "PointField")}
     return {
         "read_points": read_points, "read_points_list": read_points_list, "create_cloud": create_cloud,
         "create_cloud_xyz32": create_cloud_xyz32, "read_points_numpy": read_points_numpy, "dtype_from_fields": _dtype,
@@ -148,8 +144,6 @@ def _moved(cloud: Any, transform: Any) -> Any:
 
 class _Projection:
     """laser_geometry.LaserProjection."""
-
-    _flavour: int
 
     class ChannelOption:
         NONE, INTENSITY, INDEX, DISTANCE, TIMESTAMP, VIEWPOINT = 0, 1, 2, 4, 8, 16
@@ -175,10 +169,10 @@ class _Projection:
             columns["stamps"] = kept * scan_in.time_increment
         if channel_options & option.VIEWPOINT:
             columns |= {f"vp_{axis}": np.zeros(len(kept)) for axis in "xyz"}
-        fields = _floats(self._flavour, columns)
+        fields = _floats(columns)
         for each in fields:
             each.datatype = 5 if each.name == "index" else each.datatype
-        return _cloud(self._flavour, scan_in.header, fields, zip(*(each.tolist() for each in columns.values())))  # noqa: B905
+        return _cloud(scan_in.header, fields, zip(*(each.tolist() for each in columns.values())))  # noqa: B905
 
 
 # Images
@@ -231,8 +225,6 @@ def _opencv() -> Any:
 class _CvBridge:
     """cv_bridge.CvBridge."""
 
-    _flavour: int
-
     def imgmsg_to_cv2(self, img_msg: Any, desired_encoding: str = "passthrough") -> Any:
         kind, channels = _image_kind(img_msg.encoding)
         rows = np.frombuffer(bytes(img_msg.data), np.uint8).reshape(img_msg.height, img_msg.step)
@@ -250,7 +242,7 @@ class _CvBridge:
             encoding = f"{8 * cvim.dtype.itemsize}{letter}C{channels}"
         elif _image_kind(encoding) != (cvim.dtype, channels):
             raise CvBridgeError(f"encoding {encoding} is given for an image of {cvim.dtype} with {channels} channels")
-        found = message_class("sensor_msgs/msg/Image", self._flavour)(
+        found = message_class("sensor_msgs/msg/Image")(
             height=cvim.shape[0], width=cvim.shape[1], encoding=encoding, data=cvim.tobytes(),
             step=cvim.shape[1] * channels * cvim.dtype.itemsize,
         )  # fmt: skip
@@ -266,4 +258,4 @@ class _CvBridge:
     def cv2_to_compressed_imgmsg(self, cvim: Any, dst_format: str = "jpg") -> Any:
         cv2 = _opencv()
         data = cv2.imencode(f".{dst_format}", cvim)[1].tobytes()
-        return message_class("sensor_msgs/msg/CompressedImage", self._flavour)(format=dst_format, data=data)
+        return message_class("sensor_msgs/msg/CompressedImage")(format=dst_format, data=data)

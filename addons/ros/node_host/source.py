@@ -63,8 +63,6 @@ def read_source(path: Path, text: bytes, node: Path) -> Source:
     notes: list[str] = []
     with _ONE_AT_A_TIME:
         tree = parse(text, path)
-        if mixes_tabs(text, path):
-            notes.append(f"{path} mixes tabs and spaces, and is read as Python 2 does: a tab ends at a multiple of 8")
         unused = unused_imports(tree)
         relocate_files(tree, node, lambda said, line: notes.append(f"{said} ({path}, line {line})"))
         data = frozenset(_written_out(tree))
@@ -80,30 +78,9 @@ def parse(text: bytes, path: Path) -> ast.Module:
       SyntaxError, ValueError: it is no Python, or is nested too deeply.
     """
     try:
-        return _despite_depth(lambda: _parse(text, path))
+        return _despite_depth(lambda: ast.parse(text, str(path)))
     except (MemoryError, RecursionError) as error:
         raise ValueError("is nested too deeply") from error
-
-
-def _parse(text: bytes, path: Path) -> ast.Module:
-    try:
-        return ast.parse(text, str(path))
-    except TabError:
-        lines = text.splitlines(keepends=True)
-        heads = [line[: len(line) - len(line.lstrip(b" \t"))] for line in lines]
-        spaced = [head.expandtabs() + line[len(head) :] for head, line in zip(heads, lines, strict=True)]
-        return ast.parse(b"".join(spaced), str(path))
-
-
-def mixes_tabs(text: bytes, path: Path) -> bool:
-    """Return whether the lines of a file are indented as only Python 2 allows."""
-    try:
-        _despite_depth(lambda: ast.parse(text, str(path)))
-    except TabError:
-        return True
-    except (SyntaxError, ValueError):
-        pass
-    return False
 
 
 def _despite_depth(work: Callable[[], T]) -> T:

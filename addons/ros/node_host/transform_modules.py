@@ -1,4 +1,4 @@
-"""Stubs of tf2_ros, tf and tf_transformations: a tree of frames, of which the newest transforms are kept."""
+"""Stubs of tf2_ros and tf_transformations: a tree of frames, of which the newest transforms are kept."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ import numpy as np
 
 from fg_mujoco.messages import FloatArray
 
-from .graph import Graph
+from .graph import NANOSECONDS, Graph
 from .imports import StandIn
-from .message_classes import ROS1, ROS2, Message, made, message_class
+from .message_classes import Message, made, message_class
 from .node_session import Session
 from .rclpy_executors import Future
 from .rclpy_times import Time
-from .rospy_times import NANOSECONDS, RosTime
 
 
 class TransformException(Exception):
@@ -248,13 +247,13 @@ _TRANSFORMATIONS = (
 
 
 class Frames:
-    """The transforms of one graph, in messages of one flavour."""
+    """The transforms of one graph, in messages."""
 
-    def __init__(self, graph: Graph, flavour: int) -> None:
-        self.graph, self.flavour = graph, flavour
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
 
     def kind(self, name: str) -> type[Message]:
-        return message_class(f"geometry_msgs/msg/{name}", self.flavour)
+        return message_class(f"geometry_msgs/msg/{name}")
 
     def add(self, stamped: Any) -> None:
         """Take a TransformStamped, or a list of them, as the newest."""
@@ -269,13 +268,9 @@ class Frames:
         """Return the TransformStamped from `source` to `target`."""
         found = lookup(self.graph, target, source)
         (x, y, z), q = found[:3, 3].tolist(), quaternion_from_matrix(found).tolist()
-        now = self.graph.now
-        header = message_class("std_msgs/msg/Header", self.flavour)()
+        header = message_class("std_msgs/msg/Header")()
         header.frame_id = target
-        if self.flavour == ROS1:
-            header.stamp = RosTime.from_nanoseconds(now)
-        else:
-            header.stamp.sec, header.stamp.nanosec = divmod(now, NANOSECONDS)
+        header.stamp.sec, header.stamp.nanosec = divmod(self.graph.now, NANOSECONDS)
         vector, quaternion = self.kind("Vector3"), self.kind("Quaternion")
         transform = made(
             self.kind("Transform"), translation=made(vector, x=x, y=y, z=z),
@@ -478,9 +473,9 @@ class TransformBuffer:
         return sorted({*self._transforms, *(parent for parent, _ in self._transforms.values())})
 
 
-def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
-    """Return the modules of tf2_ros, tf2_geometry_msgs, tf_transformations and tf, for one node."""
-    graph, frames = session.graph, Frames(session.graph, flavour)
+def transform_modules(session: Session) -> dict[str, ModuleType]:
+    """Return the modules of tf2_ros, tf2_geometry_msgs and tf_transformations, for one node."""
+    frames = Frames(session.graph)
 
     class Buffer(TransformBuffer):
         _frames, registration = frames, TransformRegistration()
@@ -493,40 +488,8 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
         def __init__(self, *_: Any, **__: Any) -> None:
             pass
 
-        def sendTransform(self, transform: Any, *rest: Any) -> None:  # noqa: N802
-            if not rest:
-                frames.add(transform)
-                return
-            rotation, _, child, parent = rest  # of ROS 1's tf
-            graph.transforms[child.strip("/")] = parent.strip("/"), matrix(transform, rotation)
-
-    class Listener1:
-        """tf.TransformListener of ROS 1."""
-
-        def __init__(self, *_: Any, **__: Any) -> None:
-            pass
-
-        def lookupTransform(self, target: str, source: str, time: Any = None) -> Any:  # noqa: N802
-            found = lookup(graph, target, source)
-            return found[:3, 3].tolist(), quaternion_from_matrix(found).tolist()
-
-        def waitForTransform(self, target: str, source: str, time: Any, timeout: Any = None, *_: Any) -> None:  # noqa: N802
-            until = None if timeout is None else graph.now + round(timeout.to_sec() * NANOSECONDS)
-            while not self.canTransform(target, source):
-                if until is not None and graph.now >= until:
-                    raise TransformException(
-                        f"no transform from {source!r} to {target!r} within {timeout.to_sec():g} s"
-                    )
-                graph.poll(wake=until)
-
-        def canTransform(self, target: str, source: str, time: Any = None) -> bool:  # noqa: N802
-            return bool(Buffer().can_transform(target, source))
-
-        def transformPose(self, target: str, pose: Any) -> Any:  # noqa: N802
-            return Buffer().transform(pose, target)
-
-        def transformPoint(self, target: str, point: Any) -> Any:  # noqa: N802
-            return Buffer().transform(point, target)
+        def sendTransform(self, transform: Any) -> None:  # noqa: N802
+            frames.add(transform)
 
     exceptions: dict[str, Any] = {
         "TransformException": TransformException, "LookupException": LookupException,
@@ -560,16 +523,8 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
         "tf2_py": StandIn("tf2_py", BufferCore=Buffer, **exceptions),
         "tf_transformations": StandIn("tf_transformations", **maths),
     }
-    modules["tf_conversions.transformations"] = StandIn("tf_conversions.transformations", **maths)
     if importlib.util.find_spec("transforms3d") is None:  # whose quaternions are w, x, y, z
         eulers = {each.__name__: each for each in (euler2quat, quat2euler, euler2mat)}
         modules["transforms3d.euler"] = StandIn("transforms3d.euler", mat2euler=euler_from_matrix, **eulers)
         modules["transforms3d.quaternions"] = StandIn("transforms3d.quaternions", quat2mat=quat2mat, mat2quat=mat2quat)
-    if flavour == ROS2:
-        return modules
-    modules["tf.transformations"] = StandIn("tf.transformations", **maths)
-    modules["tf"] = StandIn(
-        "tf", TransformListener=Listener1, TransformBroadcaster=TransformBroadcaster, Exception=TransformException,
-        transformations=modules["tf.transformations"], **exceptions,
-    )  # fmt: skip
     return modules

@@ -26,7 +26,7 @@ _BYTES = ("byte", "char", "octet")  # one byte each in ROS
 
 
 def known_kind(name: str, accepted: Sequence[str]) -> str:
-    """Return `package/msg/Name` of a type that a user names, in the way of ROS 2 or of ROS 1.
+    """Return `package/msg/Name` of a type that a user names, with or without `msg`.
 
     Args:
       name: of the type.

@@ -18,7 +18,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.ros.node_host.message_classes import ROS1, ROS2, message_class
+from fg_mujoco.addons.ros.node_host.message_classes import message_class
 from fg_mujoco.addons.ros.node_host.transform_modules import (
     euler_from_quaternion,
     quaternion_from_euler,
@@ -71,7 +71,7 @@ def node(tmp_path):
 @pytest.mark.slow
 @each("source, speed",
       [("follow_the_gap.py:ReactiveFollowGap", 3.0), ("follow_the_gap.py", 3.0), ("wall_follow.py", 2.0),
-       ("pure_pursuit/pure_pursuit/pure_pursuit_node.py", 3.0), ("pure_pursuit_ros1.py", 2.5)])  # fmt: skip
+       ("pure_pursuit/pure_pursuit/pure_pursuit_node.py", 3.0)])  # fmt: skip
 def test_a_node_of_a_course_laps_the_oval_unedited(source, speed):
     result = fg.race("oval", f"ros:{NODES / source}", laps=1)
     assert result.car.end_reason == "finished"
@@ -101,7 +101,7 @@ def test_nothing_of_ros_is_left_in_sys_modules(node):
     commands(make(f"ros:{NODES / 'wall_follow.py'}"), 2)
     commands(make(node("self.drive(1)")), 2)
     left = {name.partition(".")[0] for name in set(sys.modules) - before}
-    assert not left & {"rclpy", "rospy", "sensor_msgs", "ackermann_msgs", "tf", "tf2_ros"}
+    assert not left & {"rclpy", "sensor_msgs", "ackermann_msgs", "tf2_ros"}
 
 
 def test_the_car_stands_before_the_first_command_and_holds_the_last(node):
@@ -279,6 +279,27 @@ def test_messages_of_ones_own_package_are_read(node, tmp_path):
     assert speeds(make(node(body)), 1) == [3.5]
 
 
+def test_messages_beside_a_node_are_those_of_its_package_and_hide_no_module(node, tmp_path):
+    (tmp_path / "Gain.msg").write_text("float32 gain 1.5\n")
+    body = "import collections, math\nfrom race.msg import Gain\nfrom collections import deque\n"
+    assert speeds(make(node(body + "self.drive(Gain(gain=1.5).gain + math.floor(1.2))")), 1) == [2.5]
+
+
+@each("start",
+      ["from car import run\nrun()",
+       "import os, sys\nsys.path.insert(0, os.path.dirname(__file__) + '/lib')\nfrom car_again import run\nrun()",
+       "import importlib\nif __name__ == '__main__':\n    importlib.import_module('car').run()",
+       "import runpy\ntry:\n    runpy.run_path(__file__[:-8] + 'spun.py')\nexcept ImportError:\n    pass"])
+def test_a_program_starts_a_node_of_its_own_modules_however_it_imports_them(start, node, tmp_path):
+    (tmp_path / "lib").mkdir(exist_ok=True)
+    text = Path(node("self.drive(1)").removeprefix("ros:").removesuffix(":Mine")).read_text()
+    for name, code in {"start.py": start, "car.py": "\ndef run():\n    import spun\n",
+                       "lib/car_again.py": "from car import run\n",
+                       "spun.py": f"{text}rclpy.init()\nrclpy.spin(Mine())\n"}.items():  # fmt: skip
+        (tmp_path / name).write_text(code)
+    assert speeds(make(f"ros:{tmp_path / 'start.py'}"), 1) == [1.0]
+
+
 @each("above", ["libs/deep", "../other/libs/deep"])
 def test_messages_of_a_package_deep_in_the_workspace_are_read(above, node, tmp_path, monkeypatch):
     monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # as pytest has many
@@ -354,9 +375,6 @@ class Driver(Node):
     launch.write_text("nodes:\n- {file: driver.py, clas: Driver}\n")
     with pytest.raises(ControllerError, match=r"launch.yaml, node 1 has 'clas'; .* did you mean 'class'\?"):
         make(source)
-    launch.write_text(f"nodes:\n- {{file: thinker.py}}\n- {{file: {NODES / 'wall_follow.py'}}}\n")
-    with pytest.raises(ControllerError, match="has nodes of ROS 1 and of ROS 2; accepted: all of one"):
-        make(source)
 
 
 @each("head, said",
@@ -364,6 +382,7 @@ class Driver(Node):
      (HEAD + PUBLISHER.replace("/drive", "/a") + PUBLISHER.replace("/drive", "/b"),
       r"node 'Mine' has 2 drive topics, /a and /b .*mine.py, line 14\)"),
      (HEAD.replace("LaserScan\n", "LaserScam\n", 1), r"sensor_msgs.msg has no 'LaserScam' .*mine.py, line 5\)"),
+     ("import rospy\nrospy.init_node('mine')\n" + HEAD, r"'rospy' is gone; instead: a node of .*mine.py, line 1\)"),
      ("import cv_bridge_2\ncv_bridge_2.A()\n" + HEAD, r"No module named 'cv_bridge_2' .*mine.py, line 1\)"),
      (HEAD.replace("Node):", "object):"), r"object.__init__\(\) takes .*mine.py, line 11\)"),
      (HEAD + "        self.create_publisher(AckermannDriveStamped, '/drive')\n", r"'qos_profile' .*mine.py, line 13\)"),
@@ -507,19 +526,15 @@ def test_locks_events_and_threads_wait_in_simulated_time(node):
 def test_messages_have_the_fields_defaults_and_types_of_their_definitions():
     from rosbags.typesys import Stores, get_typestore
 
-    for flavour, store in ((ROS2, Stores.ROS2_HUMBLE), (ROS1, Stores.ROS1_NOETIC)):
-        for name, (constants, fields) in get_typestore(store).fielddefs.items():
-            kind = message_class(name, flavour)
-            if not hasattr(kind, "_makers"):
-                continue  # times of ROS 1
-            message = kind()
-            wanted = [field for field, _ in fields if field != "structure_needs_at_least_one_member"]
-            assert list(kind._makers) == wanted
-            assert all(getattr(kind, constant) == value for constant, _, value in constants)
-            assert copy.deepcopy(message) == message
-    quaternions = [message_class("geometry_msgs/msg/Quaternion", flavour)().w for flavour in (ROS1, ROS2)]
-    assert quaternions == [0.0, 1.0]
-    scan = message_class("sensor_msgs/msg/LaserScan", ROS2)(ranges=[1.0, math.inf])
+    for name, (constants, fields) in get_typestore(Stores.ROS2_HUMBLE).fielddefs.items():
+        kind = message_class(name)
+        message = kind()
+        wanted = [field for field, _ in fields if field != "structure_needs_at_least_one_member"]
+        assert list(kind._makers) == wanted
+        assert all(getattr(kind, constant) == value for constant, _, value in constants)
+        assert copy.deepcopy(message) == message
+    assert message_class("geometry_msgs/msg/Quaternion")().w == 1.0
+    scan = message_class("sensor_msgs/msg/LaserScan")(ranges=[1.0, math.inf])
     assert scan.ranges == array.array("f", (1.0, math.inf))
     with pytest.raises(AssertionError, match=r"an array of NumPy has .tolist\(\)"):
         scan.ranges = np.ones(3)

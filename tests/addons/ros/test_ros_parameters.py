@@ -9,7 +9,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.ros.node_host.ros_parameters import rcl_value, rcl_yaml, read_parameters, read_ros_arguments
 from fg_mujoco.errors import ControllerError
-from ros_planners import node2
+from ros_planners import make, node2, speeds
 
 VALUES = {
     "1e3": 1000.0, ".5": 0.5, "5.": 5.0, "-3e-1": -0.3, "08": 8.0, "1": 1, "+2": 2, "-0": 0, "0x1F": 31, "010": 8,
@@ -53,15 +53,11 @@ def test_patterns_that_match_in_many_ways_take_no_time():
     assert read_parameters(Path("p.yaml"), text.encode(), "a/b/wall", "node") == {"speed": 1.0}
 
 
-def test_a_parameter_file_of_ros_1_is_a_mapping():
-    found = read_parameters(Path("p.yaml"), b"speed: 2\nteam: {gain: ~}", "gap", "node")
-    assert found == {"speed": 2, "team.gain": None}
-
-
 @each("text, message", [
     ("/**:\n  ros__parameters: {a: [1, 2.5]}", "line 2: a list of float and int, which rcl refuses"),
     ("/**:\n  ros__parameters:\n    a:\n", "line 3: no value"),
     ("[1]", "is no file of parameters"),
+    ("speed: 2\nteam: {gain: 1.5}", "is no file of parameters; accepted: NODE: {ros__parameters: {NAME: VALUE}}"),
 ])  # fmt: skip
 def test_a_file_that_rcl_refuses_is_refused_in_a_line(text, message):
     with pytest.raises(ControllerError, match=message) as refused:
@@ -80,6 +76,21 @@ def test_arguments_of_ros_are_read_and_the_others_left():
                            ("-p a:=[1,2.5]", "a list of float and int")):  # fmt: skip
         with pytest.raises(ControllerError, match=message):
             read_ros_arguments(["--ros-args", *wrong.split()], None, "node")
+
+
+def test_arguments_reach_a_node_from_the_setting_and_from_a_launch_file(tmp_path):
+    init = "import argparse, sys\nname, speed = sys.argv[1:]\nparser = argparse.ArgumentParser()\n"
+    init += "for each in ('name', 'speed'): parser.add_argument(each)\nassert parser.parse_args().speed == speed\n"
+    source = node2(tmp_path, "self.drive(self.speed)", init + "self.speed = float(speed) if name == 'car 1' else 0.0")
+    launch = "nodes: [{file: mine.py, class: Mine, args: [car 1, 2.5]}]"
+    (tmp_path / "launch.yaml").write_text(launch)
+    assert speeds(make(source, **{"host.args": "'car 1' 1.5"}), 1) == [1.5]
+    assert speeds(make(f"ros:{tmp_path / 'launch.yaml'}"), 1) == [2.5]
+    with pytest.raises(ControllerError, match=r"host.args: args are \"'car\"; accepted: words"):
+        make(source, **{"host.args": "'car"})
+    (tmp_path / "launch.yaml").write_text(launch.replace("[car 1, 2.5]", "{a: 1}"))
+    with pytest.raises(ControllerError, match=r"args are \{'a': 1\}; accepted: words, such as car_1 --fast"):
+        make(f"ros:{tmp_path / 'launch.yaml'}")
 
 
 def test_a_node_that_names_itself_gets_the_parameters_of_its_name(tmp_path):

@@ -1,11 +1,12 @@
-#!/usr/bin/env python
-# F1TENTH lab 3, ROS 1: follow the left wall with PID
+#!/usr/bin/env python3
+# F1TENTH lab 3: follow the left wall with PID
 import math
 import sys
 
 import numpy as np
-import rospy
+import rclpy
 from ackermann_msgs.msg import AckermannDriveStamped
+from rclpy.node import Node
 from sensor_msgs.msg import LaserScan
 
 # PID CONTROL PARAMS
@@ -24,15 +25,16 @@ DESIRED_DISTANCE_LEFT = 0.9  # meters
 VELOCITY = 2.00  # meters per second
 
 
-class WallFollow:
+class WallFollow(Node):
     """ Implement Wall Following on the car
     """
     def __init__(self):
+        super().__init__('WallFollow_node')
         lidarscan_topic = '/scan'
         drive_topic = '/nav'
 
-        self.lidar_sub = rospy.Subscriber(lidarscan_topic, LaserScan, self.lidar_callback, queue_size=1)
-        self.drive_pub = rospy.Publisher(drive_topic, AckermannDriveStamped, queue_size=10)
+        self.lidar_sub = self.create_subscription(LaserScan, lidarscan_topic, self.lidar_callback, 1)
+        self.drive_pub = self.create_publisher(AckermannDriveStamped, drive_topic, 10)
 
     def getRange(self, data, angle):
         # angle in degrees from straight ahead, left positive
@@ -46,17 +48,17 @@ class WallFollow:
         global integral
         global prev_error
         global prev_time
-        now = rospy.Time.now().to_sec()
+        now = self.get_clock().now().nanoseconds / 1e9
         dt = now - prev_time
         derivative = (error - prev_error) / dt
         integral += error * dt
         angle = kp * error + kd * derivative + ki * integral
         prev_error = error
         prev_time = now
-        angle = np.clip(angle, -0.41, 0.41)
+        angle = float(np.clip(angle, -0.41, 0.41))
 
         drive_msg = AckermannDriveStamped()
-        drive_msg.header.stamp = rospy.Time.now()
+        drive_msg.header.stamp = self.get_clock().now().to_msg()
         drive_msg.header.frame_id = "laser"
         drive_msg.drive.steering_angle = angle
         drive_msg.drive.speed = velocity
@@ -73,15 +75,13 @@ class WallFollow:
 
     def lidar_callback(self, data):
         error = self.followLeft(data, DESIRED_DISTANCE_LEFT)
-        rospy.loginfo_throttle(1.0, "error %f" % error)
+        self.get_logger().info("error %f" % error, throttle_duration_sec=1.0)
         self.pid_control(error, VELOCITY)
 
 
 def main(args):
-    rospy.init_node("WallFollow_node", anonymous=True)
-    wf = WallFollow()
-    rospy.sleep(0.1)
-    rospy.spin()
+    rclpy.init(args=args)
+    rclpy.spin(WallFollow())
 
 
 if __name__ == '__main__':
