@@ -11,6 +11,7 @@ GONE = {
     "policy.json": "policy.onnx, which save_policy and trainings write; examples/own_policy.py shows how",
     "rospy": "a node of ROS 2 (rclpy), since ROS 1 ended in May 2025; bags of ROS 1 are read",
     "self_play": _SELF_PLAY,
+    "serve rosbridge": "`fg-mujoco serve ros2`, and ROS's own rosbridge_server beside it",
     "train --estimate": _ESTIMATE,
     "train --self-play": _SELF_PLAY,
 }
