@@ -5,7 +5,7 @@
     gym2d     scripts that were written for f1tenth_gym
     learn     training, and policies from files
     arena     compare, overtake, league, study, bench; race control; scenes, tight circuits
-    realcar   drives and bags of real cars: identify, validate, map, bags; measured floors and LiDARs
+    realcar   drives and bags of real cars: identify, validate, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
     formats   courses, lines and cars in the files that teams have
     drivers   planners that follow a line of a map, localise themselves or overtake; racelines
@@ -23,7 +23,6 @@ COMMANDS = {
     "train": "learn.commands:train_command",
     "identify": "realcar.commands:identify_command",
     "validate": "realcar.commands:validate_command",
-    "map": "realcar.commands:map_command",
     "export": "realcar.commands:export_command",
     "bag": "realcar.commands:bag_command",
     "replay-scans": "realcar.commands:replay_scans_command",

@@ -733,12 +733,6 @@ FAULTS = {
         new="across = simulated[..., 4] - rear_axle_distance * yaw_rate",
         tests="test_validation.py",
     ),
-    "a loop that turns the poses the other way": Fault(
-        file="addons/realcar/mapping/pose_graph.py",
-        old="by_first[:, 0, 2], by_first[:, 1, 2] = left, -ahead",
-        new="by_first[:, 0, 2], by_first[:, 1, 2] = -left, ahead",
-        tests="test_driven_map.py",
-    ),
     "poses of the rear axle taken for the centre of gravity's": Fault(
         file="addons/realcar/identification/smoothed_motion.py",
         old="shift = ahead * np.interp(drive.pose.time, time, turn)",

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 _ESTIMATE = "terms of the setting privileged, which the critic sees, and parts with a history"
+_MAPPING = "slam_toolbox on the car, whose maps `fg-mujoco race --track map.yaml` races on"
 _SELF_PLAY = "the setting opponents of the environment; policy files are opponents, too"
 
 GONE = {
+    "bag --map": _MAPPING,
+    "bag --match": _MAPPING,
+    "bag --resolution": _MAPPING,
     "estimate": _ESTIMATE,
+    "fg-mujoco map": _MAPPING,
     "learn": "planner_mu, and `fg-mujoco friction mismatch`, which says what a wrong one costs",
     "policy.json": "policy.onnx, which save_policy and trainings write; examples/own_policy.py shows how",
     "rospy": "a node of ROS 2 (rclpy), since ROS 1 ended in May 2025; bags of ROS 1 are read",
@@ -15,10 +20,13 @@ GONE = {
     "train --estimate": _ESTIMATE,
     "train --self-play": _SELF_PLAY,
 }
-"""What somebody may still give, as `COMMAND`, `COMMAND --option`, setting or file -> what serves instead."""
+"""What somebody may still give, as `COMMAND`, `COMMAND --option`, setting or file -> what serves instead.
+
+A command whose name is a word of other meanings, too, stands here with `fg-mujoco` before it.
+"""
 
 
 def gone(given: str) -> str | None:
     """Return the line that refuses what went, in the words of an error; None: it is there, or never was."""
-    given = given.removeprefix("fg-mujoco ")
+    given = given if given in GONE else given.removeprefix("fg-mujoco ")
     return f"{given!r} is gone; instead: {GONE[given]}" if given in GONE else None

@@ -49,7 +49,7 @@ SLOWEST = (
     "test_every_course.py", "test_ros2.py", "test_vehicle_contract.py", "test_tire_forces.py",
     "test_autodrive_bridge.py", "test_refusals.py", "test_lab_skidpad.py",
     "test_training_example.py", "test_leaks.py", "test_readme.py", "test_duels.py", "test_friction_cli.py",
-    "test_report_pages.py", "test_rendering_files.py", "test_plan_in_time.py", "test_bag_map.py",
+    "test_report_pages.py", "test_rendering_files.py", "test_plan_in_time.py",
     "test_replay_proof.py", "test_line_mpc.py", "test_bench.py", "test_doors.py", "test_ros_nodes.py",
     "test_kills.py", "test_random_courses.py", "test_gym_vector.py", "test_map_course.py", "test_f110_interfaces.py",
     "test_ros_surroundings.py", "test_hostile_runs.py", "test_rollouts.py", "test_fault.py",
@@ -62,7 +62,7 @@ SLOWEST = (
 # What takes a second or more here is in whole files of studies, benchmarks, examples, pages, bags, and of what starts
 # processes: `make quick` leaves them out, as it does single tests elsewhere that are marked so.
 SLOW_FILES = frozenset({
-    "test_bag_map.py", "test_bag_storage.py", "test_comparison.py",
+    "test_bag_storage.py", "test_comparison.py",
     "test_debug.py", "test_docs.py", "test_drive.py", "test_every_course.py", "test_every_track.py",
     "test_f110_interfaces.py", "test_f110_scripts.py", "test_f1tenth_gym_benchmark.py",
     "test_friction_cli.py", "test_friction_lab.py", "test_fuzz.py", "test_hostile_planners.py",

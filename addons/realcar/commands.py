@@ -1,7 +1,7 @@
 """The commands of real cars and their bags.
 
-`identify` and `validate` fit a car to recorded drives, and compare it with them; `map` makes a map of what a planner
-saw, and `bag` one of what a robot saw. `export` writes a run as a bag, `replay-scans` runs a planner over its scans.
+`identify` and `validate` fit a car to recorded drives, and compare it with them. `bag` says what a bag holds, `export`
+writes a run as one, and `replay-scans` runs a planner over its scans.
 """
 
 from __future__ import annotations
@@ -16,20 +16,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fg_mujoco.addons.ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
-from fg_mujoco.cli.command import CONFIG, FORCE, command, number, option, require_ending, whole
-from fg_mujoco.cli.options import CAR, NAMES, in_one_line, setup_of, setup_options
+from fg_mujoco.cli.command import FORCE, command, number, option, require_ending, whole
+from fg_mujoco.cli.options import NAMES, in_one_line, setup_of, setup_options
 from fg_mujoco.cli.out import course_files, given, new_files, require_new
 from fg_mujoco.cli.progress import ProgressLine, shown_as
-from fg_mujoco.cli.race import RaceWatch
-from fg_mujoco.course.course import describe_course
-from fg_mujoco.course.maps.map_server import RESOLUTION, require_maps_extra
 from fg_mujoco.course.writing import staged_folder, write_file, writing
-from fg_mujoco.errors import PlannerError, SettingsError, TrackError, accepted_names
+from fg_mujoco.errors import PlannerError, SettingsError, accepted_names
 from fg_mujoco.messages import require_whole
 from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
-from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -39,12 +35,10 @@ if TYPE_CHECKING:
     from fg_mujoco.addons.ros.bag_replay import PlannedCommand
 
     from .identification.identification import Identification
-    from .mapping.recorded_map import RecordedMap
 
 FORMATS = ("mcap",)
 
 _ANY_TRACK = "oval"  # a planner is told of the car as in a race: as MJCF text has it, to six digits
-_LAPS = 2  # that `map` drives
 
 _BAG = option("bag", ".mcap or .db3, or the folder of one or of its parts; .bag of ROS 1; or a drive's .csv", "BAG")
 _COLUMNS = option(
@@ -180,45 +174,6 @@ def validate_command(options: argparse.Namespace) -> int:
 
 
 @command(
-    option("name", "as --track of race takes it; default: oval", "TRACK", nargs="?", names=NAMES["track"]),
-    setup_options(
-        "controller", "laps", *CAR, "motion_distortion", "seed", "time_limit",
-        laps=f"that are driven; default: {_LAPS}",
-    ),
-    option("--out", "my_map writes my_map.yaml and my_map.png; default: none", "FILE", Path),
-    option("--resolution", f"of the cells [m]; default: {RESOLUTION}", "M", number, RESOLUTION),
-    FORCE,
-    CONFIG,
-)  # fmt: skip
-def map_command(options: argparse.Namespace) -> int:
-    """Drive a planner, and make a map of what it saw."""
-    from .mapping.driven_map import map_course
-    from .mapping.recorded_map import map_files, write_map
-
-    require_maps_extra()
-    files = () if options.out is None else map_files(options.out)
-    setup = setup_of(options)
-    if len(setup.entries) > 1:
-        raise SettingsError(f"{len(setup.entries)} cars; accepted: one, which maps the course")
-    if options.name is not None:
-        setup = setup.replace(track=options.name)
-    if files:
-        require_new(*files, force=options.force, reads=[*given(options, "out"), *course_files(setup.track)])
-    if not hasattr(options, "laps") and setup.laps is None and ground_of(setup).course.closed:
-        setup = setup.replace(laps=_LAPS)
-    with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=True) as watch, _progress("scan", "matching") as scans:
-        driven = map_course(setup, resolution=options.resolution, watch=watch, watch_scans=scans)
-    car, made = driven.race.car, driven.made
-    print(f"{_size(made)}, {car.laps_completed} laps by {setup.first.controller}, {car.end_reason}; {made.text}")
-    print(driven.table())
-    if files:
-        write_map(made, files[0], f"made by: fg-mujoco map {setup.track}")
-        print(f"written to {', '.join(map(str, files))}")
-        print(f"fg-mujoco race --track {files[0]} --controller 'pure_pursuit[pose=particle_filter]' races on it")
-    return 0 if car.finished else 1
-
-
-@command(
     option("folder", "written by race --out", "DIR"),
     option("--format", "{names}, the default", "NAME", default="mcap", names=lambda: FORMATS),
     option("--out", "default: the folder's name, here", "FILE.mcap", Path),
@@ -239,66 +194,18 @@ def export_command(options: argparse.Namespace) -> int:
     return 0
 
 
-@command(
-    _BAG,
-    option("--map", "write the map of its scans, and its PNG", "FILE.yaml", Path),
-    option("--resolution", f"of the map's cells [m]; default: {RESOLUTION}", "M", number, RESOLUTION),
-    option("--match", "also correct poses by the scans if they are not known to drift"),
-    _SCAN_TOPIC,
-    option(
-        "--pose-topic", "of poses on the map; default: the transforms from map, or the only one with poses", "TOPIC"
-    ),
-    _ODOM_TOPIC,
-    _COLUMNS,
-    setup_options("vehicle"),
-    FORCE,
-)  # fmt: skip
+@command(_BAG, _COLUMNS)
 def bag_command(options: argparse.Namespace) -> int:
-    """Say what a robot's bag holds, and make a map of it that --track takes."""
+    """Say what a robot's bag holds, or a drive's CSV file."""
     from fg_mujoco.addons.ros.bag_recording import Recording
 
-    from .mapping.bag_sweeps import read_sweeps
-    from .mapping.recorded_map import make_map, map_files, write_map
-
     if _is_csv(options):
-        if options.map is not None:
-            raise SettingsError(f"map is given, and {options.bag} is a CSV file; accepted: with bags")
         print("\n".join(read_drive(options.bag, columns=options.columns).lines))
         return 0
     require_ros_extra()
-    files = () if options.map is None else map_files(options.map)
-    if files:
-        require_maps_extra()
-        require_new(*files, force=options.force, reads=given(options, "map"))
-    vehicle = setup_of(options).first.car
     with Recording(options.bag) as bag:
         print("\n".join(bag.table()))
-        if not files:
-            return 0
-        with bag.blame(), _progress("scan") as watch:
-            sweeps = read_sweeps(
-                bag, vehicle.parameters, scan_topic=options.scan_topic, pose_topic=options.pose_topic,
-                odometry_topic=options.odom_topic,
-            )  # fmt: skip
-            made = make_map(sweeps, resolution=options.resolution, match=options.match or None, watch=watch)
-        write_map(made, files[0], f"made by: fg-mujoco bag {bag.path.name}")
-        print(f"{files[0]}: {_size(made)}, of {made.text}")
-        print(_course_of(files[0]))
     return 0
-
-
-def _size(made: RecordedMap) -> str:
-    """Return the size of a map, in words."""
-    rows, columns = made.cells.shape
-    return f"{columns * made.resolution:.1f} x {rows * made.resolution:.1f} m"
-
-
-def _course_of(path: Path) -> str:
-    """Return what course a map is, in words."""
-    try:
-        return f"a course: {describe_course(load_track(str(path)))}; fg-mujoco race --track {path} drives it"
-    except TrackError as error:
-        return f"no course yet: {in_one_line(str(error))}"
 
 
 def _is_csv(options: argparse.Namespace) -> bool:
@@ -386,8 +293,8 @@ def _write(commands: Iterator[PlannedCommand], out: Path) -> int | None:
 
 
 @contextlib.contextmanager
-def _progress(what: str, doing: str = "reading") -> Iterator[Callable[[int, int], None]]:
-    with ProgressLine(f"{doing} {what}s") as line:
+def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    with ProgressLine(f"reading {what}s") as line:
 
         def watch(count: int, total: int) -> None:
             if line.due:

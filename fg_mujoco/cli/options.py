@@ -213,10 +213,6 @@ _OF_OPPONENTS = {
 OPPONENT_OPTIONS = tuple(_OF_OPPONENTS)
 """Options of the opponents' cars, which follow `--opponents`."""
 
-_NOT_OF_ALL = ("controller", "seed", "motion_distortion")
-CAR = tuple(name for name in CAR_KEYWORDS if name in _OPTIONS and name not in _NOT_OF_ALL)
-"""Keywords of a car that every command with a planner has."""
-
 
 def setup_options(*names: str, but: Sequence[str] = (), **helps: str) -> Part:
     """Return the part that adds options of a Setup, each to its group; `setup_of` reads them.

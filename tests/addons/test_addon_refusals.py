@@ -138,7 +138,7 @@ LINES = [
           "track convert line.csv": ".csv", "raceline oval --out": ".csv", "raceline oval --picture": ".png",
           "render run --frame 0 --out": ".png", "render run --out": ".mp4", "race --video": ".mp4",
           "report run --out": ".html", "debug run --out": ".html", "export run --out": ".mcap",
-          "map oval --out": ".yaml", "identify run --out": ".toml", "identify run --out tires.toml --report": ".html",
+          "identify run --out": ".toml", "identify run --out tires.toml --report": ".html",
           "validate run --csv": ".csv", "validate run --report": ".html",
       }.items()),
     ("report run", "report.html: exists; accepted: a new file"),
@@ -147,7 +147,7 @@ LINES = [
           "race", "bench straight", "car params.yaml", "friction skidpad", "rollout --n 2", "train", TWO[:-10],
           "compare --track oval", "overtake --track oval", "study small.toml straight")),
     *((f"{line} --force", "is read by this command; accepted: another file") for line in (
-          "track show taken.yaml --out taken.png", "track export taken.yaml taken.yaml", "map taken.yaml --out taken",
+          "track show taken.yaml --out taken.png", "track export taken.yaml taken.yaml",
           "track convert line.csv line.csv", "track export line.csv line.csv", "raceline line.csv --out line.csv",
           "raceline taken.yaml --picture taken.png", "bench straight --suite card/card.json --out card",
           "identify run --out tires.toml --report taken.html --columns taken.html")),

@@ -323,15 +323,12 @@ def _bags(samples):
         entries.append(("/odom", time + 1, robot_odometry(time, x=0.1 * i, speed=1.0)))
     for storage in ("MCAP", "SQLITE3"):
         write_bag(samples / storage.lower(), entries, storage=storage)
-    main(["bag", str(samples / "mcap"), "--map", str(samples / "map.yaml")])  # compiles what draws maps
 
 
 def _read_bag(path, rng):
-    """Return a command that reads a bag: a planner over it, what it holds, or a map of it."""
+    """Return a command that reads a bag: a planner over it, or what it holds."""
     bag = path.parent if rng.random() < 0.7 and path.suffix else path
-    make_map = command("bag", bag, "--map", "new.yaml")
-    ways = (command("replay-scans", bag, "--out", "commands.csv"), command("bag", bag), lambda: make_map() and 1)
-    return one_of(rng, (ways[0], *ways))  # a refusal of a map stands behind the table of the topics
+    return one_of(rng, (command("replay-scans", bag, "--out", "commands.csv"), command("bag", bag)))
 
 
 def _messages(samples, here, rng):

@@ -230,7 +230,6 @@ def test_the_commands_of_bags_read_csv_files(here, capsys):
     assert main(["replay-scans", "drive.csv", "--columns", "columns.toml", "--out", "out.csv"]) == 0
     assert len(Path("out.csv").read_text().splitlines()) == 351
     capsys.readouterr()
-    assert "with bags" in refused(here, capsys, "bag", "drive.csv", "--map", "map.yaml")
     assert "has no beams" in refused(here, capsys, "replay-scans", "drive.csv", "--out", "other.csv")
 
 
