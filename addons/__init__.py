@@ -8,7 +8,7 @@
     realcar   drives and bags of real cars: identify, validate, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
     formats   courses, lines and cars in the files that teams have
-    drivers   planners that follow a line of a map, localise themselves or overtake; racelines
+    drivers   planners that follow a line of a map or overtake; racelines
 
 The tables below name what each provides, as "addon.module:attribute"; `fg_mujoco.registry.added` reads them. Nothing is
 imported before it is used. An add-on imports the core, and from other add-ons only what pyproject.toml lists.
@@ -88,11 +88,8 @@ PARTS = {
     "is comparison": "arena.study.pages:is_comparison",
     "line table": "formats.tables:line_table",
     "lidar effects": "realcar.measured_errors:effect_names",
-    "localised": "drivers.localisation.localised:localised",
-    "localiser": "drivers.localisation.localiser:Localiser",
     "measured errors": "realcar.measured_errors:MeasuredErrors",
     "notebook": "look.notebook:notebook_html",
-    "pose settings": "drivers.localisation.localiser:PoseSettings",
     "race control": "arena.race_control.race_control:RaceControl",
     "raceline": "drivers.line_optimizer:raceline",
     "random circuits": "arena.random_courses.generator:generate_track",

@@ -143,6 +143,12 @@ FAULTS = {
         tests="test_tires.py",
     ),
     # sensors
+    "a pose that drifts in proportion to time": Fault(
+        file="fg_mujoco/vehicle/sensors/bundled.py",
+        old="self.drift * math.sqrt(passed)",
+        new="self.drift * passed",
+        tests="test_pose.py",
+    ),
     "a VESC's heading by the motion of the car and not by the command": Fault(
         file="fg_mujoco/vehicle/sensors/vesc.py",
         old="steering = float(car.ctrl[motor.steering])",
@@ -765,18 +771,6 @@ FAULTS = {
         tests="test_report.py test_report_pages.py",
     ),
     # add-ons: drivers
-    "headings averaged across half a turn": Fault(
-        file="addons/drivers/localisation/particle_filter.py",
-        old="off[2] -= 2.0 * math.pi * round(off[2] / (2.0 * math.pi))",
-        new="off[2] -= 0.0",
-        tests="test_localisation.py",
-    ),
-    "a step of odometry in the heading at its end": Fault(
-        file="addons/drivers/localisation/odometry.py",
-        old="heading = mean[2] + 0.5 * turn * (1.0 + mean[4])",
-        new="heading = mean[2] + turn * (1.0 + mean[4])",
-        tests="test_localisation.py",
-    ),
     "a line whose braking takes all that cornering does": Fault(
         file="addons/drivers/line_profile.py",
         old="most * share * step",

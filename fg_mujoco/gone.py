@@ -4,6 +4,7 @@ from __future__ import annotations
 
 _ESTIMATE = "terms of the setting privileged, which the critic sees, and parts with a history"
 _MAPPING = "slam_toolbox on the car, whose maps `fg-mujoco race --track map.yaml` races on"
+_POSE = "--pose rate=10,delay=.05,noise_std=.02,drift=.01 of the car, the true pose with the errors that are stated"
 _SELF_PLAY = "the setting opponents of the environment; policy files are opponents, too"
 
 GONE = {
@@ -17,12 +18,17 @@ GONE = {
     "rospy": "a node of ROS 2 (rclpy), since ROS 1 ended in May 2025; bags of ROS 1 are read",
     "self_play": _SELF_PLAY,
     "serve rosbridge": "`fg-mujoco serve ros2`, and ROS's own rosbridge_server beside it",
+    "setting particles": _POSE,
+    "setting pose": _POSE,
+    "setting pose_map": _POSE,
+    "setting pose_start": _POSE,
     "train --estimate": _ESTIMATE,
     "train --self-play": _SELF_PLAY,
 }
 """What somebody may still give, as `COMMAND`, `COMMAND --option`, setting or file -> what serves instead.
 
-A command whose name is a word of other meanings, too, stands here with `fg-mujoco` before it.
+A command or a planner's setting whose name is a word of other meanings, too, stands here with `fg-mujoco` or `setting`
+before it.
 """
 
 

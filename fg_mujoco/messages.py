@@ -249,8 +249,8 @@ class Readings(dict[str, Reading]):
 class Odometry(Suggesting):
     """Readings of the car's own sensors between scans: wheel encoders, steering sensor, IMU; and its pose on the map.
 
-    The pose is that of an ideal localisation: the true one, of base_link, at the time of the stamp. No reactive planner
-    needs it. Where there is no map it is NaN. The sensors that a car has besides are in `readings`, by name.
+    The pose is the true one of base_link at the time of the stamp, unless the car's `pose` has errors. No reactive
+    planner needs it. Where there is no map it is NaN. The sensors that a car has besides are in `readings`, by name.
 
     Raises:
       MessageError: a vector of the wrong length, or a stamp that is not finite.

@@ -1,1 +1,1 @@
-"""Planners beyond the gap planners: they localise themselves, follow lines, or overtake."""
+"""Planners beyond the gap planners: they follow lines, or overtake."""

@@ -27,7 +27,7 @@ from fg_mujoco.controllers.control.planner_batch import PlannerBatch
 from fg_mujoco.errors import ControllerError, SettingsError, accepted_names
 from fg_mujoco.lidar.beams import Beams
 from fg_mujoco.messages import Controller, FloatArray, PlannerContext, require, shown
-from fg_mujoco.racing.planners import POSE_SETTINGS, ControllerChoice, build_controller, controller_names, file_in
+from fg_mujoco.racing.planners import ControllerChoice, build_controller, controller_names, file_in
 from fg_mujoco.simulation.planner_adapter import odometry_message, plan, wanted_sensors
 from fg_mujoco.simulation.planner_adapter import start as start_planner
 from fg_mujoco.simulation.settings import as_part
@@ -65,10 +65,6 @@ class Residual:
         if choice.source not in names:  # nothing is loaded: whoever made a policy's file chose the planner
             said = f"residual has the planner {shown(choice.source)}, which is no registered one"
             raise SettingsError(f"{said}; {accepted_names(choice.source, controller_names())}")
-        posed = [name for name, _ in choice.settings if name in POSE_SETTINGS]
-        if posed:
-            said = f"residual has the planner {self.planner!r} with the setting {posed[0]}"
-            raise SettingsError(f"{said}; accepted: its own settings; it gets neither a pose nor a map")
         try:
             kind = choice.load()
         except ControllerError as error:

@@ -12,7 +12,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.messages import FloatArray
 from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.simulation import complete_state
 from fg_mujoco.simulation.world import World
@@ -36,8 +35,8 @@ class FrontCamera:
     def __init__(self) -> None:
         self._drawn: tuple[World, Renderer, mujoco.MjData] | None = None
 
-    def picture(self, surroundings: Surroundings, pose: FloatArray) -> NDArray[np.uint8]:
-        """Return the picture at a pose of the rear axle (3,). Shape (360, 640, 3).
+    def picture(self, surroundings: Surroundings) -> NDArray[np.uint8]:
+        """Return the picture from where the car is. Shape (360, 640, 3).
 
         Raises:
           MissingExtraError: no OpenGL; the message has the command that installs it.
@@ -49,7 +48,7 @@ class FrontCamera:
         if self._drawn is None or self._drawn[0] is not world:
             self._drawn = world, Renderer(world, size=SIZE, quality="draft"), mujoco.MjData(world.model)
         _, renderer, data = self._drawn
-        x, y, heading = pose.tolist()
+        x, y, heading = surroundings.pose
         poses = [(x, y, heading), *(other.pose for other in surroundings.others)]  # who is drawn as which makes no odds
         for car, at in zip(world.cars, poses, strict=True):
             car.write_pose(data, *at)

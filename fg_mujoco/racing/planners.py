@@ -24,7 +24,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -35,8 +35,7 @@ from ..course.files import LONGEST_NAME, file_sha256, is_file
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..gone import gone
 from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry, PlannerContext
-from ..registry import PARTS, Registry, added, package_of
-from ..simulation.course_loading import load_track
+from ..registry import Registry, added, package_of
 from ..simulation.planner_adapter import short, short_text, wanted_sensors
 from ..simulation.planner_failure import error_text, file_of, is_of_planner, one_line, without_exit
 
@@ -52,9 +51,6 @@ PLANNERS: Registry[Any] = Registry(
 
 READ = "__fg_mujoco_read__"
 """Name in a module that was read from a user's file: the bytes that were read."""
-
-POSE_SETTINGS = frozenset({"pose", "pose_start", "pose_map", "particles"})
-"""Settings that every planner has besides its own, unless it has one of that name: see PoseSettings."""
 
 Value = float | int | bool | str
 """Of a setting, as text can say it."""
@@ -437,7 +433,6 @@ def build_controller(
 ) -> Controller:
     """Return a controller of the class that `find_controller(source)` returned; otherwise as `make_controller`."""
     origin = f"controller {source!r}"
-    factory, settings, context, localiser = _with_pose(factory, source, context, settings or {})
     offered = {each.name: getattr(context, each.name) for each in fields(context)}
     try:
         parameters = inspect.signature(factory).parameters.values()
@@ -467,34 +462,7 @@ def build_controller(
         if not is_of_planner(error):
             raise
         raise ControllerError(f"{origin} cannot be built: {error_text(error, file_of(factory))}") from error
-    if localiser is not None:
-        controller.localiser = localiser
     return _checked(controller, origin, context)
-
-
-def _with_pose(
-    factory: Any, source: str, context: PlannerContext, settings: Mapping[str, Any]
-) -> tuple[Any, Mapping[str, Any], PlannerContext, Any]:
-    """Return the class to be built, its own settings, its context, and what finds its pose; None: it has the true one.
-    """
-    kind = getattr(factory, "Settings", None)
-    own_names = {f.name for f in fields(kind)} if isinstance(kind, type) and is_dataclass(kind) else set[str]()
-    if getattr(factory, "any_settings", False) and "pose" not in settings:
-        return factory, settings, context, None  # they are parameters of its nodes
-    chosen = {name: value for name, value in settings.items() if name in POSE_SETTINGS - own_names}
-    if not chosen:
-        return factory, settings, context, None
-    origin, own = f"controller {source!r}", {name: settings[name] for name in settings if name not in chosen}
-    try:
-        pose = PARTS.find("pose settings")(**chosen)
-        if pose.pose_map:
-            context = replace(context, map_line=load_track(pose.pose_map).map_line)
-        if pose.pose == "truth":
-            return factory, own, context, None
-        localiser = PARTS.find("localiser").of(pose, context.map_line, context.car, context.seed)
-        return PARTS.find("localised")(factory), own, context, localiser
-    except SettingsError as error:
-        raise ControllerError(f"{origin}: {str(error).removeprefix('PoseSettings.')}") from error
 
 
 def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: bool) -> Any:
@@ -502,13 +470,12 @@ def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: b
     kind = getattr(factory, "Settings", None)
     if not taken or not isinstance(kind, type) or not is_dataclass(kind):
         said = f"{origin} has no settings, such as {', '.join(changes)}"
-        raise ControllerError(
-            f"{said}; accepted: a class that names a dataclass as its attribute Settings and takes `settings`"
-        )
+        accepted = "accepted: a class that names a dataclass as its attribute Settings and takes `settings`"
+        raise ControllerError(f"{said}; {next(filter(None, map(_gone, changes)), accepted)}")
     defaults = {field.name: field.default for field in fields(kind) if field.init}
     for name, value in changes.items():
         if name not in defaults:
-            raise ControllerError(f"{origin} has no setting {name!r}; {accepted_names(name, defaults)}")
+            raise ControllerError(f"{origin} has no setting {name!r}; {_gone(name) or accepted_names(name, defaults)}")
         kind_of_value = _kind_unlike(defaults[name], value)
         if kind_of_value:
             raise ControllerError(f"{origin}: setting {name} is {short(value)}; accepted: {kind_of_value}")
@@ -523,6 +490,10 @@ def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: b
             raise
         given = ", ".join(f"{name}={value!r}" for name, value in changes.items())
         raise ControllerError(f"{origin} cannot have settings {short_text(given)}: {one_line(error)}") from error
+
+
+def _gone(name: str) -> str | None:
+    return gone(f"setting {name}")
 
 
 def _kind_unlike(default: Any, value: Any) -> str:

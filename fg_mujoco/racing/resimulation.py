@@ -72,6 +72,12 @@ class Sensed:
     quaternion: FloatArray  # (4,) wxyz of base_link
     lateral_speed: float  # [m/s] of base_link over the ground, left positive
 
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """The true x [m], y [m] and heading [rad] of base_link, which its odometry tells as `pose` says."""
+        x, y, _ = self.position.tolist()
+        return x, y, _heading(self.quaternion)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tick:
@@ -86,8 +92,9 @@ class Tick:
     def surroundings(self, world: World) -> Surroundings:
         """Return the surroundings of car 0 of a world at the start of the tick, for planners with `look_round`."""
         others = tuple(_other_car(sensed) for sensed in self.sensed_by_each[1:])
-        up = up_of(self.sensed.quaternion) if self.sensed is not None else (0.0, 0.0, 1.0)
-        return Surroundings(world=world, others=others, up=up)
+        if self.sensed is None:
+            return Surroundings(world=world, pose=(math.nan,) * 3, others=others)
+        return Surroundings(world=world, pose=self.sensed.pose, others=others, up=up_of(self.sensed.quaternion))
 
 
 @contextmanager
@@ -243,10 +250,12 @@ def recorded_planner(
 
 
 def _other_car(sensed: Sensed) -> OtherCar:
-    x, y, _ = sensed.position.tolist()
-    w, qx, qy, z = sensed.quaternion.tolist()
-    heading = math.atan2(2.0 * (w * z + qx * qy), 1.0 - 2.0 * (qy * qy + z * z))
-    return OtherCar(pose=(x, y, heading), speed=sensed.odometry.speed, yaw_rate=sensed.odometry.yaw_rate)
+    return OtherCar(pose=sensed.pose, speed=sensed.odometry.speed, yaw_rate=sensed.odometry.yaw_rate)
+
+
+def _heading(quaternion: FloatArray) -> float:
+    w, x, y, z = quaternion.tolist()
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _sense(engine: Engine) -> tuple[Sensed, ...]:
@@ -259,7 +268,7 @@ def _sensed(engine: Engine, row: int) -> Sensed:
     """Return the scan and the odometry of a car."""
     odometry = odometry_message(engine.odometry[row], engine.readings(row))
     pose, (x, y) = engine.free_joint(row)
-    heading = odometry.pose[2]
+    heading = _heading(pose[3:])
     return Sensed(
         scan=engine.scans.get(row) or engine.beams.to_scan(engine.ranges[row], odometry.stamp),
         odometry=odometry,

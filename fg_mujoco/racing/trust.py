@@ -36,7 +36,6 @@ from ..simulation.planner_failure import is_of_planner, one_line, without_exit
 from ..simulation.settings import DriveSettings
 from .planners import (
     PLANNERS,
-    POSE_SETTINGS,
     READ,
     ControllerChoice,
     build_controller,
@@ -237,19 +236,17 @@ def _files_attribute(planner: Controller) -> list[str] | None:
 
 def _texts(planner: Controller, settings: Mapping[str, Any]) -> list[str]:
     """Return the settings of a planner that may name files: its texts, without words of which one is chosen."""
-    own_settings = {name: value for name, value in settings.items() if name not in POSE_SETTINGS}
-    values, kind = dict(own_settings), getattr(type(planner), "Settings", None)
+    values, kind = dict(settings), getattr(type(planner), "Settings", None)
     if isinstance(kind, type) and is_dataclass(kind):
         try:
             own = getattr(planner, "settings", None)
-            made = own if isinstance(own, kind) else kind(**own_settings)
+            made = own if isinstance(own, kind) else kind(**settings)
             hints = get_type_hints(kind)
             values = {f.name: getattr(made, f.name) for f in fields(kind) if get_origin(hints[f.name]) is not Literal}
         except BaseException as error:  # an object that was built with settings that nobody knows
             if not is_of_planner(error):
                 raise
-    texts = [*values.values(), settings.get("pose_map", "")]
-    return [os.fsdecode(value) for value in texts if isinstance(value, (str, os.PathLike)) and str(value)]
+    return [os.fsdecode(value) for value in values.values() if isinstance(value, (str, os.PathLike)) and str(value)]
 
 
 def _folders(planner: Controller) -> list[Path]:

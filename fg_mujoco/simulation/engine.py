@@ -255,18 +255,18 @@ class Engine(Uncopied):
             read_motions_all(share.tables, share.firsts, which, poses, velocities)
 
     def surroundings(self, row: int) -> Surroundings:
-        """Return the surroundings of a car: its world, its other cars, whether it touches something, and its tilt."""
+        """Return the surroundings of a car: its world, all cars, whether it touches something, and its tilt."""
         i, own = divmod(row, self.cars_per_world)
-        qpos, qvel, others = self.qpos(i), self.qvel(i), []
+        qpos, qvel, cars = self.qpos(i), self.qvel(i), []
         for other in range(row - own, row - own + self.cars_per_world):
-            if other != row:
-                car = self._arrays.constants[other : other + 1]
-                x, y, heading, speed, _, yaw_rate = point_motion(qpos, qvel, 0.0, car)
-                others.append(OtherCar(pose=(x, y, heading), speed=speed, yaw_rate=yaw_rate))
+            car = self._arrays.constants[other : other + 1]
+            x, y, heading, speed, _, yaw_rate = point_motion(qpos, qvel, 0.0, car)
+            cars.append(OtherCar(pose=(x, y, heading), speed=speed, yaw_rate=yaw_rate))
+        pose = cars.pop(own).pose
         contact = bool(self.crashed[row] or self.touched_at[row].max() >= self.time(i))
         turn = int(self._arrays.constants[row]["free_qpos"]) + 3
         up = up_of(qpos[turn : turn + 4])
-        return Surroundings(world=self.world_of(i), others=tuple(others), contact=contact, up=up)
+        return Surroundings(world=self.world_of(i), pose=pose, others=tuple(cars), contact=contact, up=up)
 
     def slip(self, i: int = 0) -> FloatArray:
         """Return the tire slip of the car that was driven last in the batch of world i, as TireSlip.values. Live.

@@ -98,6 +98,7 @@ class Surroundings:
     """
 
     world: World
+    pose: tuple[float, float, float]  # true x [m], y [m] and heading [rad] of its own rear axle
     others: tuple[OtherCar, ...]  # in the order of the cars of the world, without its own
     contact: bool = False  # whether the car has touched something in the last tick
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)  # the vertical, in the car's frame, which rolls and pitches

@@ -108,8 +108,7 @@ class Sensing:
             self._measure(np.flatnonzero(chosen), deliver=True)
             for row, samplers in self._samplers.items():
                 for sampler in samplers if chosen[row] else ():
-                    if sampler.reading.received:
-                        sampler.sensor.tell(sampler.reading.values, engine.odometry[row : row + 1])
+                    sampler.sensor.tell(sampler.reading.values, engine.odometry[row : row + 1])
         if self._row_effects:
             self._row_effects.apply(chosen, engine.ranges)
         if self._pipelines:

@@ -194,6 +194,10 @@ class CarSettings:
         "", "vesc: the odometry is that of a VESC, by the motor's turns and the commanded steering; default: of the "
         "wheels' encoders, the steering sensor and the gyro", "TEXT", "sensors", told=True,
     )  # fmt: skip
+    pose: Any = setting(  # of a Pose, by name; None: the true pose
+        None, "errors of the pose that a planner with a map reads, as rate=10,delay=.05,noise_std=.02; also drift, "
+        "jumps, jump_size; default: none", "SETTING=VALUE,...", "sensors", told=True,
+    )  # fmt: skip
     assist: str = setting(
         "full", "stages between the planner and its car: none, grip, safe, full, or names of stages joined by commas; "
         "default: full", "NAMES", "course and planner", told=True,
@@ -213,7 +217,11 @@ class CarSettings:
             if not isinstance(value, str) or value not in known:
                 accepted = " or ".join(map(repr, known))
                 raise SettingsError(f"{type(self).__name__}.{name} is {shown(value)}; accepted: {accepted}")
-        if self.odometry:
+        if self.pose is not None:
+            from ..vehicle.sensors.bundled import Pose
+
+            object.__setattr__(self, "pose", Pose.told(self.pose).described())
+        if self.odometry or self.pose is not None:
             _ = self.sensed
         if self.assist != "full":
             names_in(self.assist, f"{type(self).__name__}.assist")
@@ -256,12 +264,14 @@ class CarSettings:
 
     @property
     def sensed(self) -> tuple[Sensor, ...]:
-        """The sensors, made, and those of what the planner knows and its odometry, unless one of them has the name."""
+        """The sensors, made, and those of what the planner knows, its odometry and its pose."""
         found = cast("tuple[Sensor, ...]", self.sensors)
-        if not self.knows and not self.odometry:
+        if not self.knows and not self.odometry and self.pose is None:
             return found
-        from ..vehicle.sensors import SENSORS
+        from ..vehicle.sensors import SENSORS, as_sensors
 
+        if self.pose is not None:
+            found = as_sensors((*found, *as_sensors([self.pose], "pose")))
         for name in filter(None, (self.knows, self.odometry)):
             if not any(sensor.name == name for sensor in found):
                 found = (*found, SENSORS.find(name)())
@@ -376,6 +386,7 @@ class CarKeywords(TypedDict, total=False):
     sensors: Sequence[Sensor | str | Mapping[str, Any]]
     knows: str
     odometry: str
+    pose: Any
     assist: str
     lidar_effects: Any
     lidar_noise: float

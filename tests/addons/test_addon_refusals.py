@@ -323,7 +323,6 @@ CALLS = [
         ("gap_finder[learn=true]", "has no setting 'learn'; 'learn' is gone; instead: planner_mu, and"),
         ("gap_finder[assist=full+learn]", "'learn' is gone; instead: planner_mu, and"),
         ("pure_pursuit", "residual: controller 'pure_pursuit' drives by a map; accepted: where there is one"),
-        (f"{BASE[:-1]},pose_map=a.csv]", "with the setting pose_map; accepted: its own settings"),
         ({"steering": 0.1}, "residual is {'steering': 0.1}, without planner"), (3, "residual is 3; accepted: Residual"),
         ({"planner": BASE, "steering": 0.0}, "Residual.steering is 0.0; accepted: a positive number"),
         ({"planner": BASE, "slow": -1.0}, "Residual.slow is -1.0; accepted: a number from 0"),

@@ -123,8 +123,8 @@ def test_a_folder_reads_no_file_by_the_settings_of_a_planner_or_a_lidar(door, fo
     summary = json.loads(path.read_text("utf-8"))
     if door == "replay":
         summary["lidar_effects"]["measured"] = str(secret)
-    name = {"planner_settings": {"pose_map": str(secret)}}
-    summary |= {"controller": "gap_finder", "settings": summary["settings"] | {"controller": "gap_finder"} | name}
+    name = {"planner_settings": {"line": str(secret)}}
+    summary |= {"controller": "pure_pursuit", "settings": summary["settings"] | {"controller": "pure_pursuit"} | name}
     path.write_text(json.dumps(summary | (name if door == "debug" else {})), "utf-8")
     accepted = "no file's name" if door == "replay" else "the files that are recorded with their SHA-256"
     if door == "debug":

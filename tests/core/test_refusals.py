@@ -83,7 +83,7 @@ GIVEN = {
 }  # fmt: skip
 """What makes one of each class that cannot be made of nothing, and classes of add-ons."""
 INNER = {"OpenGround", "Stage", "WorldCar", "Tires", "DriveSettings", "Scenario", "EnvironmentSettings"}  # or see below
-JUDGED_LATER = {"line", "pose_map", "controller", "track", "entries", "kind", "obstacles"}  # when it is used
+JUDGED_LATER = {"line", "controller", "track", "entries", "kind", "obstacles"}  # when it is used
 OF_PLANNERS_THEMSELVES = {"car", "seed", "map_line", "sensors", "lidar", "assist"}  # of PlannerContext
 
 
@@ -470,7 +470,7 @@ BAD = {
     "planner_mu": (*POSITIVE, -math.inf, 50.0), "max_speed": (*POSITIVE, math.inf, 1e9),
     "odometry_drift": (*NUMBER, math.inf, 3.0), "lidar": ("sonar", 3, []), "track": ({}, 3, b"x", "open_ground:x"),
     "vehicle": ("nobody", 3, []), "tires": ("rubber", 3), "floor": ("ice", 3), "knows": ("all", 3),
-    "odometry": ("gps", 3),
+    "odometry": ("gps", 3), "pose": ("gps", "", "rate=ten", "drift=-1", "jumps=1", {"rat": 10}, {"drift": [1.0]}, 3),
     "assist": ("some", "", 3, "full,full"),
     "sensors": (3, ["eye"]),
     "controller": (3, []), "grid": ("round", 3), "rules": ("roborace", 3), "opponents": ("gap_finder", [3], 3),

@@ -30,6 +30,7 @@ VALUES = {
     "start_heading": 0.05, "start_speed": 2.0, "mass": 4.2, "cog_height": 0.08, "steering_gain": 1.2, "speed_gain": 0.9,
     "command_delay": 0.01, "patches": [{"x": 1.0, "y": 2.0, "length": 1.0, "width": 0.5, "mu": 0.4}],
     "moving": "crossing", "knows": "opponents", "odometry": "vesc", "assist": "grip", "sensors": ["imu"],
+    "pose": "rate=10,noise_std=.05",
 }  # fmt: skip
 AMONG = {"opponents": ["pure_pursuit", fg.Entry(controller="wall_follow", max_speed=3.0)], "grid": "side_by_side"}
 
@@ -119,12 +120,12 @@ OTHER = {
     "patches": [{"x": 1.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5}], "lidar": "rangefinder",
     "decision_limit": 5.0, "vehicle": "ipz", "tires": "ipz", "mu": 0.7, "floor": "ipz8", "changes": {"mass": 4.0},
     "controller": "wall_follow", "planner_settings": {"lookahead": 3.0}, "planner_mu": 0.4, "max_speed": 3.0,
-    "knows": "opponents", "odometry": "vesc", "assist": "safe",
+    "knows": "opponents", "odometry": "vesc", "pose": "rate=10", "assist": "safe",
     "sensors": ["imu"], "effects": {"latency": 0.02}, "odometry_drift": 0.1,
     "seed": 4, "start": fg.Start(s=1.0), "name": "mine", "grid": "behind", "rules": "roboracer_2026",
 }  # fmt: skip
 CAR = {"vehicle", "tires", "mu", "floor", "changes"}
-TOLD = {"planner_mu", "max_speed", "knows", "odometry", "assist", "sensors", "effects", "odometry_drift"}
+TOLD = {"planner_mu", "max_speed", "knows", "odometry", "pose", "assist", "sensors", "effects", "odometry_drift"}
 DUEL = CAR | TOLD
 COURSE = {"track", "obstacles", "obstacle_seed", "moving", "patches"}
 DRIVER = TOLD | {"controller"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +77,8 @@ def debug(
         witness.look_round(again.surroundings(world))
         answer = witness.decide(scan, odometry, again.command)
         if tick >= first:
-            decisions.append(witness.look(tick, scan, odometry, again.command, answer))
+            look = witness.look(tick, scan, odometry, again.command, answer)
+            decisions.append(replace(look, pose=np.array(again.sensed.pose)))  # and not as it is told
     if failed is not None and end > len(drive.ctrl):
         told = recorded.planner_failure or {}
         text = "\n".join(str(told.get(name)) for name in ("error", "traceback") if told.get(name))
@@ -135,7 +137,7 @@ def _failed_scan(run: RaceResult | Run) -> tuple[LaserScan, Odometry] | None:
 
 def _near(outlines: list[FloatArray], poses: FloatArray, reach: float) -> list[FloatArray]:
     """Return the outlines that come within reach [m] of some poses (n, 3); x and y of the outlines to 1 mm."""
-    low, high = poses[:, :2].min(axis=0) - reach, poses[:, :2].max(axis=0) + reach
+    low, high = np.fmin.reduce(poses[:, :2]) - reach, np.fmax.reduce(poses[:, :2]) + reach
     return [
         np.round(outline, 3)
         for outline in outlines

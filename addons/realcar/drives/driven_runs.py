@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from fg_mujoco.messages import FloatArray, LaserScan
+from fg_mujoco.messages import LaserScan
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.racing.run_folder import Run
@@ -34,7 +35,7 @@ def drive_of_run(run: Run, world: World | None = None, *, beams: bool = True) ->
     scans = [each.scan for each in sensed if beams]
     stamps = np.array([each.odometry.stamp for each in sensed])
 
-    def channel(name: str, values: list[FloatArray] | list[float]) -> Channel:
+    def channel(name: str, values: list[Any]) -> Channel:
         return Channel(name=name, time=stamps, values=np.asarray(values, np.float64).reshape(len(stamps), -1))
 
     def commands(name: str, column: str) -> Channel:
@@ -42,7 +43,7 @@ def drive_of_run(run: Run, world: World | None = None, *, beams: bool = True) ->
 
     speed = channel("wheel speed", [each.odometry.wheel_speeds[2:].mean() for each in sensed])
     yaw_rate = channel("gyro", [each.odometry.yaw_rate for each in sensed])
-    pose = channel("pose", [each.odometry.pose for each in sensed])
+    pose = channel("pose", [each.pose for each in sensed])
     steering = commands("commands", "command_steering_rad")
     return RecordedDrive(
         name=str(run.folder), sha256=trajectory_sha256(run.states, run.ctrl), layout="run",

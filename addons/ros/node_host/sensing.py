@@ -408,7 +408,7 @@ class Sensing:
 
     def _make_image(self) -> Any:
         assert self.surroundings is not None
-        pixels = self._camera.picture(self.surroundings, self._pose).tobytes()
+        pixels = self._camera.picture(self.surroundings).tobytes()
         return made(
             self._kind(_IMAGE), header=self._header(self._odometry.stamp, CAMERA_FRAME), height=SIZE[1], width=SIZE[0],
             encoding="rgb8", is_bigendian=0, step=3 * SIZE[0], data=array.array("B", pixels),

@@ -218,7 +218,7 @@ class DevKit:
 
     def _lap_times(self, odometry: Odometry) -> LapTimes:
         assert self._laps is not None
-        x, y, _ = odometry.pose.tolist()
+        x, y, _ = self._surroundings.pose
         count, times = self._laps.update(odometry.stamp, (x, y)), self._laps.lap_times
         if not count:
             return LapTimes(count=0, time=odometry.stamp, last=0.0, best=0.0)

@@ -37,7 +37,7 @@ class FrontCamera:
 
     def __call__(self, surroundings: Surroundings, odometry: Odometry) -> str:
         """See devkit.Camera."""
-        return jpeg(self._camera.picture(surroundings, odometry.pose))
+        return jpeg(self._camera.picture(surroundings))
 
 
 def jpeg(pixels: NDArray[np.uint8]) -> str:

@@ -5,18 +5,23 @@ A planner gets the same quantities once a tick in its scan and odometry, without
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ...arguments import explain_class
-from ...messages import MOST_OTHERS, OF_OTHER_CAR, columns_of_others, require_whole
+from ...errors import SettingsError
+from ...messages import MOST_OTHERS, OF_OTHER_CAR, FloatArray, columns_of_others, require, require_whole, shown
 from ..car import WHEELS
 from ..motion import point_motion
-from .sensor import SENSORS, CarState, Sensor
+from .sensor import SENSORS, CarState, Sensor, as_sensors
+
+_MOST_JUMPS = 1000.0
 
 
 @explain_class
@@ -91,10 +96,76 @@ class WheelSpeeds(Sensor):
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class Pose(Sensor):
-    """Pose of base_link in the map frame, as from a localisation."""
+    """Pose of base_link in the map frame, as from a localisation: the true one, with the errors that are set.
+
+    `drift` is a random walk: over a time t each value errs by a normal number of standard deviation drift sqrt(t) more.
+    `jumps` come at random times: the position is off by `jump_size` in a drawn direction, and with the next one back.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
 
     columns = ("x_m", "y_m", "heading_rad")
     frame = "map"
+
+    drift: float | tuple[float, ...] = 0.0  # standard deviation after 1 s [m, m, rad], of all values or of each
+    jumps: float = 0.0  # a second, in the mean
+    jump_size: float = 0.0  # [m]
+    as_odometry: bool = False  # whether the pose in the car's odometry, too, is what it tells
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_spread("drift")
+        accepted = f"0 to {_MOST_JUMPS:g} a second"
+        require(self, lambda value: 0.0 <= value <= _MOST_JUMPS, accepted, ("jumps",), SettingsError)
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0 [m]", ("jump_size",), SettingsError)
+        if bool(self.jumps) != bool(self.jump_size):
+            said = f"Pose.jumps is {self.jumps:g} and jump_size {self.jump_size:g}"
+            raise SettingsError(f"{said}; accepted: both above 0, or neither")
+
+    @classmethod
+    def told(cls, given: Any) -> Sensor:
+        """Return what tells the pose of a car's odometry: of a Pose, of its settings by name, or `rate=10,drift=.01`.
+
+        Raises:
+          SettingsError: it is none of these, or a value is out of its range.
+        """
+        said = f"pose is {shown(given)}"
+        try:
+            if isinstance(given, str):
+                parts = [part.split("=") for part in given.split(",")]
+                own: dict[str, Any] = {name.strip(): float(value) for name, value in parts}
+            else:
+                own = given.described() if isinstance(given, Pose) else dict(given)
+        except (TypeError, ValueError):
+            accepted = "accepted: settings of the sensor pose, such as 'rate=10,delay=.05,drift=.01'"
+            raise SettingsError(f"{said}; {accepted}") from None
+        try:
+            (found,) = as_sensors([{"sensor": "pose", **own, "as_odometry": True}], "pose")
+        except SettingsError as error:
+            raise SettingsError(f"{said}: {error}") from error
+        return found
+
+    def begin(self, car: CarState, rng: np.random.Generator) -> Callable[[CarState], ArrayLike]:
+        """See Sensor."""
+        walked, jump, before = np.zeros(3), np.zeros(3), car.time
+
+        def measure(car: CarState) -> ArrayLike:
+            nonlocal walked, jump, before
+            passed, before = car.time - before, car.time
+            walked = walked + rng.normal(0.0, 1.0, 3) * self.drift * math.sqrt(passed)
+            if rng.poisson(self.jumps * passed) % 2:  # an even number of them leads back
+                angle = rng.uniform(0.0, math.tau)
+                there = self.jump_size * np.array((math.cos(angle), math.sin(angle), 0.0))
+                jump = np.zeros(3) if jump.any() else there
+            return np.asarray(self.measure(car)) + walked + jump
+
+        return measure if np.any(self.drift) or self.jumps else self.measure
+
+    def tell(self, values: FloatArray, odometry: NDArray[np.void]) -> None:
+        """See Sensor."""
+        if self.as_odometry:
+            odometry["pose"] = values
 
     def measure(self, car: CarState) -> ArrayLike:
         """See Sensor."""

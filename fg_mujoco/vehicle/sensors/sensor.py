@@ -113,6 +113,9 @@ class Sensor:
         require(self, lambda value: 0.0 <= value <= LONGEST_DELAY, accepted, ("delay",), SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("dropout_probability",), SettingsError)
         self._require_spread("noise_std")
+        told = getattr(self, "as_odometry", False)
+        if not isinstance(told, bool):
+            raise SettingsError(f"{type(self).__name__}.as_odometry is {shown(told)}; accepted: True or False")
 
     def _require_spread(self, name: str) -> None:
         """Refuse a standard deviation that is neither a number from 0 nor one for each column."""
@@ -138,7 +141,10 @@ class Sensor:
         return self.measure
 
     def tell(self, values: FloatArray, odometry: NDArray[np.void]) -> None:
-        """Write the latest reading into the car's odometry, (1,) of ODOMETRY, for a sensor that it is made of."""
+        """Write the latest reading into the car's odometry, (1,) of ODOMETRY, for a sensor that it is made of.
+
+        Before the first reading its values are NaN.
+        """
 
     def measure(self, car: CarState) -> ArrayLike:
         """Return what is measured, without noise: a number for each of `columns`."""

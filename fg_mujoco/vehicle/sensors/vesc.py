@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...arguments import explain_class
 from ...errors import ModelError, SettingsError
-from ...messages import FloatArray, require, shown
+from ...messages import FloatArray, require
 from ..car import car_parameters, element_id
 from .sensor import SENSORS, CarState, Sensor
 
@@ -113,8 +113,6 @@ class Vesc(Sensor):
     def __post_init__(self) -> None:
         super().__post_init__()
         require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("speed_noise_std",), SettingsError)
-        if not isinstance(self.as_odometry, bool):
-            raise SettingsError(f"Vesc.as_odometry is {shown(self.as_odometry)}; accepted: True or False")
 
     def begin(self, car: CarState, rng: np.random.Generator) -> Callable[[CarState], ArrayLike]:
         """See Sensor."""
@@ -143,7 +141,7 @@ class Vesc(Sensor):
 
     def tell(self, values: FloatArray, odometry: NDArray[np.void]) -> None:
         """See Sensor; all wheels are alike."""
-        if self.as_odometry:
+        if self.as_odometry and not math.isnan(values[-1]):
             odometry["speed"], odometry["steering_angle"] = values[0], values[1]
             odometry["wheel_speeds"], odometry["angular_velocity"] = values[0], (0.0, 0.0, values[2])
 
