@@ -74,6 +74,7 @@ _SLOW = 0.6  # [m/s] a faster car brakes as its stops are planned
 _LEAST_STABLE = 0.2  # share of braking, whatever the critical speed: a car that does not brake is no slower
 _FOUND_AT = 1.0489  # friction coefficient at which the shares for evading were found
 _LOAD_KEPT = 0.476  # least share that the inner rear wheel of the cars for which they were found keeps, see `evasive`
+_ROLLS = 1.0  # [rad/s] of a wheel, as in vehicle.tire_forces: below it rolling takes in proportion to its turning
 _MOST_MOVED = 0.95  # [-] of the load of an inner wheel
 _MOST_HELD = 4.0  # [-] acceleration over g that is looked at
 _SHARES = 257  # of a table over what cornering leaves
@@ -256,7 +257,11 @@ def limited(
     acceleration = _approach(limiter, memory, allowed - speed_now, slope, math.tan(command), speed_now, period, planned)
     # the servo's acceleration falls while the command is held: the mean over the period is what was asked for
     reached = speed_now + acceleration * period / share_of_way(period, car.speed_time_constant)
-    reached += 0.0 if planned else car.speed_time_constant * drag(car, speed_now)
+    if not planned:
+        overcome = car.speed_time_constant * drag(car, speed_now)
+        if allowed <= 0.0:  # a car that is to stand does not creep on
+            overcome *= min(now / (_ROLLS * car.wheel_radius), 1.0)
+        reached += overcome
     if not math.isfinite(command + reached):
         memory.acceleration = memory.lateral_use = 0.0
         return 0.0, 0.0

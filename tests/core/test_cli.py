@@ -153,6 +153,7 @@ def test_ctrl_c_while_modules_are_imported_leaves_no_traceback(module, what, cod
 
 
 def test_ctrl_c_that_a_callback_has_swallowed_comes_again():
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # whatever ran before in this process
     thing = Thing()
     _ = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt), ended_in_order(threading.Event()):

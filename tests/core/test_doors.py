@@ -14,10 +14,9 @@ from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.cli.options import CAR as CAR_OPTIONS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
-from fg_mujoco.racing.setup import Setup
+from fg_mujoco.racing.setup import CAR_KEYWORDS, Setup
 from fg_mujoco.simulation.settings import CarSettings, Start
 from refusals import refused
 from vehicle_worlds import F1TENTH, made_file
@@ -121,8 +120,8 @@ def test_commands_have_the_options_of_a_car_with_the_same_help(command):
         commands[name].fill()
     helps = {a.dest: a.help for a in commands[command]._actions}
     race = {a.dest: a.help for a in commands["race"]._actions}
-    lists = ("max_speed", "mu") if command == "compare" else ()  # axes there
-    same = [name for name in CAR_OPTIONS if name not in lists]
+    others = ("controller", "seed", "motion_distortion", *(("max_speed", "mu") if command == "compare" else ()))
+    same = [name for name in CAR_KEYWORDS if name in race and name not in others]
     assert {name: helps.get(name) for name in same} == {name: race[name] for name in same}
 
 

@@ -174,6 +174,16 @@ def test_what_slows_the_wheels_by_itself_brakes_by_the_tires_too():
     assert ipz.rolling_damping == pytest.approx(0.238, abs=0.01)  # [1/s] as identified
 
 
+def test_a_car_that_is_to_stand_does_not_creep_on():
+    """Its motor overcomes no more than rolling takes, in proportion to the turning of a wheel below 1 rad/s."""
+    car = fg.Vehicle.load("f1tenth").parameters
+    for speed in (0.002, 0.01, 0.03):
+        limiter = FrictionLimiter(car, 0.94)
+        command = limiter(0.0, 0.0, odometry_of(speed), 0.025)
+        taken = car.rolling_resistance * min(speed / car.wheel_radius, 1.0)
+        assert (command.speed - speed) / car.speed_time_constant - taken < -0.5 * speed / 0.05
+
+
 def slide_of_stop(vehicle, speed, angle, believes=1.0):
     """Slide [m/s] in a stop by the limiter, straight or out of a steady curve."""
     ground = LabGround(vehicle=vehicle)

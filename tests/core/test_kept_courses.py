@@ -41,8 +41,7 @@ def kept(tmp_path, monkeypatch):
 
 
 def as_in_a_new_process():
-    braking = braking_trajectories.trajectories_of, braking_trajectories._table
-    for function in (worlds._kept, worlds._text_of, worlds._compiled, *braking):
+    for function in (worlds._kept, worlds._text_of, worlds._compiled, braking_trajectories._table):
         function.cache_clear()
 
 

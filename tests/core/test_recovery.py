@@ -119,7 +119,7 @@ def test_after_a_motion_that_is_none_it_does_not_know_the_way_back(motion):
 
 
 @pytest.mark.slow
-@each("seed", [20, 41])
+@each("seed", [20, 39])
 def test_a_car_askew_before_a_box_gets_past_and_without_going_back_it_stands(seed):
     boxes = random_boxes(fg.load_track("chicanes"), 4, seed, car=CAR)
     for kept, expected in ((True, "finished"), (False, "no_progress")):
