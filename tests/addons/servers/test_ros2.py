@@ -398,8 +398,8 @@ def test_several_cars_are_driven_by_the_topics_of_f1tenth_gym_ros():
             found = from_cdr(newest(peer.reader(f"rt/ego_racecar/{topic}", dds_type(ODOMETRY))).content, ODOMETRY)
             assert (found.header.frame_id, found.child_frame_id) == ("map", f"{car}/base_link")
         until(lambda: second.get_matched_subscriptions() and commands.get_matched_subscriptions())
-        second.write(drive(0.0))
-        for _ in range(20):
+        for _ in range(20):  # a reader that has not found its writer yet misses what is written
+            second.write(drive(0.0))
             commands.write(AckermannDrive(0.0, 0.0, 1.0, 0.0, 0.0))
             newest(scans)
         assert session.simulation.engine.commands[1, 1] == 0.0 and session.simulation.engine.commands[0, 1] == 1.0
