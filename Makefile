@@ -14,7 +14,7 @@ RACES := $(VENV)/.races
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit mujoco4 fuzz lint house bench figures cards friction docs picture dist release clean
+.PHONY: help race test quick unit mujoco4 fuzz lint house bench figures friction docs picture dist release clean
 .DEFAULT_GOAL := help
 
 help:
@@ -88,10 +88,6 @@ DATA ?= ../shared/data
 figures: $(READY)
 	$(BIN)/python benchmarks/circuits.py --json docs/figures.json --data $(DATA) $(ARGS)
 	$(BIN)/python docs/tables.py
-
-## make cards   the cards of the bundled planners, and their page; some minutes
-cards: $(READY)
-	$(BIN)/python benchmarks/cards.py
 
 ## make friction the friction lab, and its tables and figures in runs/friction; some minutes, less what is there
 friction: $(READY)

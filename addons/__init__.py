@@ -4,7 +4,7 @@
     servers   nodes of ROS 2, Foxglove and AutoDRIVE's bridge
     gym2d     scripts that were written for f1tenth_gym
     learn     training, and policies from files
-    arena     compare, overtake, league, study, bench; race control; scenes, tight circuits
+    arena     study, compare, bench; race control; scenes, tight circuits
     realcar   drives and bags of real cars: identify, validate, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
     formats   courses, lines and cars in the files that teams have
@@ -15,10 +15,8 @@ imported before it is used. An add-on imports the core, and from other add-ons o
 """
 
 COMMANDS = {
-    "bench": "arena.bench.commands:bench_command",
+    "bench": "arena.commands:bench_command",
     "compare": "arena.commands:compare_command",
-    "overtake": "arena.commands:overtake_command",
-    "league": "arena.commands:league_command",
     "study": "arena.commands:study_command",
     "train": "learn.commands:train_command",
     "identify": "realcar.commands:identify_command",
@@ -36,8 +34,8 @@ COMMANDS = {
 """Commands of `fg-mujoco` that add-ons have, in the order of the help."""
 
 NAMES = {
-    "Comparison": "arena.study.kinds:Comparison",
     "Dataset": "learn.dataset:Dataset",
+    "Study": "arena.study.store:Study",
     "compare": "arena.study.functions:compare",
     "debug": "look.debug:debug",
     "generate_track": "arena.random_courses.generator:generate_track",
@@ -79,13 +77,12 @@ PARTS = {
     "between boundaries": "formats.boundaries:between_boundaries",
     "bag drive": "realcar.bag_drive:read_bag_drive",
     "car of files": "formats.cars:load_car",
-    "comparison report": "arena.study.pages:write_comparison_report",
     "dataset": "learn.dataset:Dataset",
     "drive on ray": "learn.ray_cluster:drive_on_ray",
     "driven line": "look.notebook:driven_line",
+    "fastest lap": "drivers.racelines.raceline:make_raceline",
     "floor": "realcar.floors:Floor",
     "floor names": "realcar.floors:floor_names",
-    "is comparison": "arena.study.pages:is_comparison",
     "line table": "formats.tables:line_table",
     "lidar effects": "realcar.measured_errors:effect_names",
     "measured errors": "realcar.measured_errors:MeasuredErrors",
@@ -97,7 +94,6 @@ PARTS = {
     "require ray": "learn.ray_cluster:require_ray",
     "residual": "learn.residual:Residual",
     "room on map": "drivers.line_optimizer:room_on_map",
-    "run page": "look.report.report_page:write_report",
     "show in notebook": "look.notebook:show",
     "standings": "arena.race_control.standings:standings",
     "tight circuits": "arena.tight_courses.tight:generate_tight_track",

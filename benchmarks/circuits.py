@@ -54,19 +54,21 @@ def lap_figures(row: Any) -> dict[str, Any]:
     return {name: round(value, DIGITS[name]) if name in DIGITS and value else value for name, value in shown.items()}
 
 
-def by_controller(comparison: fg.Comparison) -> dict[str, dict[str, Any]]:
+def by_controller(comparison: fg.Study) -> dict[str, dict[str, Any]]:
     """Return the figures of each controller on each circuit."""
     found: dict[str, dict[str, Any]] = {}
     for row in comparison.rows:
         circuit = row.place["course"].removesuffix("_centerline")
-        found.setdefault(row.car.planner, {})[circuit] = lap_figures(row)
+        found.setdefault(row.planner, {})[circuit] = lap_figures(row)
     return found
 
 
-def successes(comparison: fg.Comparison) -> dict[str, dict[str, dict[str, int]]]:
+def successes(comparison: fg.Study) -> dict[str, dict[str, dict[str, int]]]:
     """Return how many runs of each controller in each scene at each greatest speed succeeded."""
     found: dict[str, dict[str, dict[str, int]]] = {}
     for cell in comparison.cells:
+        if cell["course"] == "all":
+            continue
         scene = cell["course"].removeprefix("scene:")
         speed = f"{cell.get('max_speed', 8.0):g}"
         found.setdefault(cell["planner"], {}).setdefault(scene, {})[speed] = cell["successes"]
@@ -76,9 +78,9 @@ def successes(comparison: fg.Comparison) -> dict[str, dict[str, dict[str, int]]]
 def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
     """Drive all groups, and return their figures."""
 
-    def group(name: str, controllers: Sequence[str] | None = None, **settings: Any) -> fg.Comparison:
+    def group(name: str, controllers: Sequence[str] | None = None, **settings: Any) -> fg.Study:
         print(f"{name} ...", flush=True)
-        return fg.compare(controllers, out=runs / name, workers=workers, pictures=False, **settings)
+        return fg.compare(controllers, out=runs / name, workers=workers, **{"assist": "full"} | settings)
 
     real = real_circuits(data)
     published = [path for path in real if Path(path).parent.name == "maps"]

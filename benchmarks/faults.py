@@ -356,49 +356,31 @@ FAULTS = {
         file="addons/arena/runs/run.py",
         old="completion=1.0 if success else min(max(share, 0.0), 1.0)",
         new="completion=1.0",
-        tests="test_bench.py",
+        tests="test_study.py",
     ),
     "a wrong way that is told of a car that stands": Fault(
         file="addons/arena/runs/run.py",
         old="np.diff(progress) < -WRONG_WAY_SPEED * ticks",
         new="np.diff(progress) <= 0.0",
-        tests="test_comparison.py",
-    ),
-    "heats in which the same car always starts in front": Fault(
-        file="addons/arena/study/plan.py",
-        old="numbers = members[first:] + members[:first]",
-        new="numbers = members",
-        tests="test_league.py",
+        tests="test_study.py",
     ),
     "obstacles of a study that no seed draws": Fault(
         file="addons/arena/study/suite.py",
         old="setup, track=track, obstacle_seed=seed,",
         new="setup, track=track,",
-        tests="test_comparison.py",
+        tests="test_study.py",
     ),
     "a run whose key does not know the planner's code": Fault(
         file="addons/arena/runs/run.py",
         old="self.course_sha256, [asdict(each) for each in self.origins])",
         new="self.course_sha256)",
-        tests="test_labs.py test_comparison.py",
+        tests="test_labs.py test_study.py",
     ),
     "a planner whose process failed and that has its points": Fault(
         file="addons/arena/runs/graded_drive.py",
         old="            if recorded.failed is not None:\n",
         new="            if False:\n",
         tests="test_labs.py",
-    ),
-    "pairs of runs with other seeds": Fault(
-        file="addons/arena/study/intervals.py",
-        old='for name, value in row.place.items() if name != "planner"),',
-        new='for name, value in row.place.items() if name not in ("planner", "seed")),',
-        tests="test_comparison.py",
-    ),
-    "a planner that finished last and has all points": Fault(
-        file="addons/arena/runs/run.py",
-        old='"points": len(result.cars) - car.position if car.finished else 0,',
-        new='"points": car.position if car.finished else 0,',
-        tests="test_league.py",
     ),
     # racing
     "the fault of the car that was moved into": Fault(
@@ -466,7 +448,7 @@ FAULTS = {
         file="fg_mujoco/rollouts/shares.py",
         old="middle = (share + 0.5 * square / count) / (1.0 + square / count)",
         new="middle = (share + square / count) / (1.0 + square / count)",
-        tests="test_intervals.py",
+        tests="test_shares.py test_duels.py",
     ),
     "worlds in which a tire slid that are safe": Fault(
         file="fg_mujoco/rollouts/shares.py",
@@ -485,18 +467,6 @@ FAULTS = {
         old="return min(self.low + share * (self.high - self.low), self.high)",
         new="return max(self.low + share * (self.high - self.low), self.high)",
         tests="test_randomization.py test_rollouts.py",
-    ),
-    "an interval of the median a value too narrow": Fault(
-        file="addons/arena/study/intervals.py",
-        old="return (order[place - 1], order[count - place]) if place else None",
-        new="return (order[place], order[count - place - 1]) if place else None",
-        tests="test_intervals.py",
-    ),
-    "the reference's successes and the controller's mixed up": Fault(
-        file="addons/arena/study/intervals.py",
-        old="pairs=len(succeeded), successes=sum(ours for ours, _ in succeeded),",
-        new="pairs=len(succeeded), successes=sum(theirs for _, theirs in succeeded),",
-        tests="test_comparison.py",
     ),
     "a gyro whose delay goes the wrong way": Fault(
         file="addons/realcar/drives/drive_csv.py",

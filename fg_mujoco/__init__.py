@@ -27,7 +27,7 @@ from .registry import added as _added
 if TYPE_CHECKING:
     from fg_mujoco.addons.arena.random_courses.generator import generate_track
     from fg_mujoco.addons.arena.study.functions import compare
-    from fg_mujoco.addons.arena.study.kinds import Comparison
+    from fg_mujoco.addons.arena.study.store import Study
     from fg_mujoco.addons.learn.dataset import Dataset, read_dataset
     from fg_mujoco.addons.learn.parallel import parallel_env
     from fg_mujoco.addons.look.debug import debug
@@ -97,7 +97,6 @@ __all__ = [
     "CarParameters",
     "CarResult",
     "Commands",
-    "Comparison",
     "Contact",
     "Controller",
     "ControllerError",
@@ -132,6 +131,7 @@ __all__ = [
     "Setup",
     "Simulation",
     "Start",
+    "Study",
     "Tires",
     "Track",
     "TrackError",
@@ -223,7 +223,7 @@ _MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"addons"
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
     "AckermannDrive": "DriveCommand", "Command": "DriveCommand",
-    "ComparisonProgress": "fg_mujoco.addons.arena.study.store.StudyProgress",
+    "StudyProgress": "fg_mujoco.addons.arena.study.store.StudyProgress",
     "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
     "Odom": "Odometry", "Planner": "Controller", "cars": "vehicle_names", "env": _GYMNASIUM, "gym": _GYMNASIUM,
     "load_map": "load_track", "make": _GYMNASIUM, "make_env": _GYMNASIUM, "make_vec": _GYMNASIUM,

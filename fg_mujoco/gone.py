@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 _ESTIMATE = "terms of the setting privileged, which the critic sees, and parts with a history"
+_LEAGUE = "`opponents` and `rules` of `fg-mujoco compare` or of a suite, and pandas on its runs.csv"
 _MAPPING = "slam_toolbox on the car, whose maps `fg-mujoco race --track map.yaml` races on"
 _POSE = "--pose rate=10,delay=.05,noise_std=.02,drift=.01 of the car, the true pose with the errors that are stated"
 _SELF_PLAY = "the setting opponents of the environment; policy files are opponents, too"
@@ -12,7 +13,10 @@ GONE = {
     "bag --match": _MAPPING,
     "bag --resolution": _MAPPING,
     "estimate": _ESTIMATE,
+    "fg-mujoco league": _LEAGUE,
     "fg-mujoco map": _MAPPING,
+    "fg-mujoco overtake": "`fg-mujoco study examples/scenarios/overtaking.toml PLANNER`, or another suite of duels",
+    "heats": _LEAGUE,
     "learn": "planner_mu, and `fg-mujoco friction mismatch`, which says what a wrong one costs",
     "policy.json": "policy.onnx, which save_policy and trainings write; examples/own_policy.py shows how",
     "rospy": "a node of ROS 2 (rclpy), since ROS 1 ended in May 2025; bags of ROS 1 are read",

@@ -1,8 +1,7 @@
 """The arena: planners that are compared, by many races that are judged together.
 
-    study/          suites, what drives them, tables, pages; the functions compare, overtake, league, study
+    study/          suites, what drives them, the table and its page; the functions study and compare
     runs/           a run of a study: a race, a duel behind a slower car, a drive that gives points
-    bench/          the card of a planner
     tight_courses/  tight circuits from a seed
     random_courses/ circuits from a seed, and things that move
     scenes/         the bundled scenes

@@ -14,7 +14,6 @@ from fg_mujoco.cli.progress import ProgressLine, to_go
 from fg_mujoco.errors import MissingExtraError, SettingsError
 from fg_mujoco.pictures.pages.page import is_page
 from fg_mujoco.racing.run_folder import read_summary
-from fg_mujoco.registry import PARTS
 
 DEBUG_PAGE = "debug.html"
 """Name of the page of decisions in a run folder."""
@@ -37,15 +36,14 @@ def report_race(folder: str | Path) -> None:
 
 
 @command(
-    option("folder", "written by race --out or by compare --out", "DIR"),
-    option("--out", f"of a run; default: DIR/{PAGE}; of a comparison: DIR/report/", "FILE.html", Path),
+    option("folder", "written by race --out", "DIR"),
+    option("--out", f"default: DIR/{PAGE}", "FILE.html", Path),
     option("--clip", "of video in the page of a run [s]; default: 8", "S", number, _USUAL_CLIP),
     option("--no-clip", "without video"),
     FORCE,
-    TRUST,
 )
 def report_command(options: argparse.Namespace) -> int:
-    """Write the page of a run folder, or the pages of what compare left: plots to zoom into, without network."""
+    """Write the page of a run folder, with plots to zoom into, without network."""
     from .report import write_report
 
     if not 0.0 < options.clip <= 600.0:
@@ -58,17 +56,10 @@ def report_command(options: argparse.Namespace) -> int:
                 left = (time.perf_counter() - began) / max(done, 1) * (of - done)
                 line.write(f"{what} {done}/{of}{to_go(left)}")
 
-        if "is comparison" in PARTS and PARTS.find("is comparison")(options.folder):
-            if options.out is not None:
-                raise SettingsError("--out is of the page of a run; accepted: without, pages go to DIR/report/")
-            write = PARTS.find("comparison report")
-            page, pages = write(options.folder, watch, trust=options.trust), "and a page for each run"
-        else:
-            path = options.out or Path(options.folder) / PAGE
-            _check_page(path, options)
-            clip = None if options.no_clip else options.clip
-            page, pages = write_report(options.folder, path, clip_seconds=clip, watch=watch), ""
-    print(f"{page}: {page.stat().st_size / 1e6:.1f} MB{', ' + pages if pages else ''}")
+        path = options.out or Path(options.folder) / PAGE
+        _check_page(path, options)
+        page = write_report(options.folder, path, clip_seconds=None if options.no_clip else options.clip, watch=watch)
+    print(f"{page}: {page.stat().st_size / 1e6:.1f} MB")
     return 0
 
 

@@ -37,7 +37,7 @@ _OF_A_RUN = re.compile(
     r"scene\.xml|states\.npz|telemetry(_car_\d+)?\.csv|trace\.png|controller(_car_\d+)?\.(py|json|onnx|zip)|failed_scan\.npz"
     r"|summary\.json|report\.html|debug\.html|recording\.mcap"
 )
-_OF_A_STUDY = re.compile(r"[\w.+-]+\.(json|jsonl|csv|npz|md|png|svg|html)|chunks|poses|traces|report|cells|heats|runs")
+_OF_A_STUDY = re.compile(r"[\w.+-]+\.(json|jsonl|csv|npz|md|png|svg|html)|chunks|poses|cells")
 _ASIDE = re.compile(r"\.fg_mujoco-[0-9a-f]{16}\.partial")  # what a killed process left (course.writing)
 _MOST_BYTES = 16 * 2**20  # of a study's mark
 _NOT_READ = (".html", ".htm", ".png", ".mp4", ".gif")  # of a folder: pages and pictures

@@ -112,33 +112,24 @@ def race(
 
 
 @without_exit()
-def race_setup(
-    setup: Setup,
-    *,
-    watch: Callable[[RaceProgress], None] | None = None,
-    turn: Callable[[int], None] | None = None,
-) -> RaceResult:
+def race_setup(setup: Setup, *, watch: Callable[[RaceProgress], None] | None = None) -> RaceResult:
     """Race what a setup says; arguments and errors are those of `race`.
 
     Args:
       setup: what is raced.
       watch: called once a tick.
-      turn: of a race of several cars: called with the number of a car before its planner is built, and before each of
-        its decisions, so that it is known whose planner ended the process.
     """
     with kernels_beside(setup):
-        return _race(setup, watch, turn)
+        return _race(setup, watch)
 
 
-def _race(
-    setup: Setup, watch: Callable[[RaceProgress], None] | None, turn: Callable[[int], None] | None
-) -> RaceResult:
+def _race(setup: Setup, watch: Callable[[RaceProgress], None] | None) -> RaceResult:
     """Race what a setup says; arguments and errors are those of `race_setup`."""
     raced = Resolved.of(setup)
     world, entries, names, alone = raced.world, raced.entries, raced.names, len(raced.entries) == 1
     if not alone:
         raced.check_starts()
-    planners = raced.build_planners(turn)
+    planners = raced.build_planners()
     files = [  # before the race: what the planners have read
         planner_files(planner, split_controller(entry.controller, entry.planner_settings)[1], warn=True)
         for planner, entry in zip(planners, entries, strict=True)
@@ -149,7 +140,7 @@ def _race(
         adapt([planner], arrays=isinstance(entry.controller, str))
         for planner, entry in zip(planners, entries, strict=True)
     ]
-    timed = [_Timed(each, clock, row, turn) for row, each in enumerate(adapted)]
+    timed = [_Timed(each, clock) for each in adapted]
     engine.planners = (
         adapted[0] if alone else PlannersOfEach([(np.array([row]), each) for row, each in enumerate(timed)])
     )
@@ -251,24 +242,18 @@ class _Timed:
     Args:
       planners: of this one car.
       clock: of the race.
-      row: number of the car.
-      turn: see `race_setup`.
 
     Attributes:
       seconds: that each decision took.
     """
 
-    def __init__(
-        self, planners: Planners, clock: DecisionClock, row: int, turn: Callable[[int], None] | None
-    ) -> None:
+    def __init__(self, planners: Planners, clock: DecisionClock) -> None:
         self.seconds: list[float] = []
-        self._planners, self._clock, self._row, self._turn = planners, clock, row, turn
+        self._planners, self._clock = planners, clock
         self.failures = planners.failures
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners."""
-        if self._turn is not None:
-            self._turn(self._row)
         try:
             return self._clock.time(lambda: self._planners(cars))
         except DecisionLimitReached:

@@ -9,7 +9,7 @@ their own on a Ground.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -156,19 +156,14 @@ class Resolved:
         cars = [car.parameters for car in self.world.cars]
         check_starts(self.ground.course, self.starts, cars, names, self.ground.boxes)
 
-    def build_planners(self, turn: Callable[[int], None] | None = None) -> list[Controller]:
+    def build_planners(self) -> list[Controller]:
         """Return a planner for each car, ready for a race.
-
-        Args:
-          turn: called with the number of a car before its planner is built; None: nobody asks.
 
         Raises:
           ControllerError: one cannot be built; the message says whose it is.
         """
         planners = []
-        for row, (entry, car) in enumerate(zip(self.entries, self.world.cars, strict=True)):
-            if turn is not None:
-                turn(row)
+        for entry, car in zip(self.entries, self.world.cars, strict=True):
             alone, line = len(self.entries) == 1, self.ground.course.map_line
             planners.append(entry_planner(entry, car=car.parameters, map_line=line, alone=alone))
         return planners

@@ -26,7 +26,7 @@ def crashed():
 @pytest.fixture(scope="module")
 def comparison(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shown") / "comparison"
-    return fg.compare(["gap_finder"], track=["oval"], laps=1, out=folder, pictures=False, workers=1)
+    return fg.compare(["gap_finder"], track=["oval"], laps=1, out=folder, workers=1)
 
 
 @pytest.fixture(scope="module")

@@ -94,7 +94,7 @@ def test_a_comparisons_run_is_the_race(here):
     setup = Setup.of(
         "oval", laps=1, time_limit=0.5, effects=NOISE, odometry_drift=0.1, planner_mu=0.75, max_speed=4.0, **CAR
     )
-    told = fg.compare("gap_finder[lookahead=6]", setup=setup, seed=[3], out="out", workers=1, pictures=False)
+    told = fg.compare("gap_finder[lookahead=6]", setup=setup, seed=[3], out="out", workers=1, assist="full")
     raced = fg.race(setup.replace(seed=3, planner_settings={"lookahead": 6.0}))
     assert told.rows[0].trajectory_sha256 == raced.trajectory_sha256
     inside = fg.race(setup.replace(seed=3, controller="gap_finder[lookahead=6]"))
@@ -120,7 +120,8 @@ def test_commands_have_the_options_of_a_car_with_the_same_help(command):
         commands[name].fill()
     helps = {a.dest: a.help for a in commands[command]._actions}
     race = {a.dest: a.help for a in commands["race"]._actions}
-    others = ("controller", "seed", "motion_distortion", *(("max_speed", "mu") if command == "compare" else ()))
+    lists = ("max_speed", "mu", "assist") if command == "compare" else ()  # axes there, and another default
+    others = ("controller", "seed", "motion_distortion", *lists)
     same = [name for name in CAR_KEYWORDS if name in race and name not in others]
     assert {name: helps.get(name) for name in same} == {name: race[name] for name in same}
 

@@ -177,34 +177,6 @@ def test_replay_and_reports_never_import_the_planner(foreign):
     assert not imported(foreign)
 
 
-@pytest.mark.slow
-def test_reports_of_a_comparison_drive_no_foreign_planner(foreign, monkeypatch, capsys):
-    pytest.importorskip("bokeh")
-    here = foreign.parent
-    monkeypatch.chdir(foreign)
-    controller = "controller.py:Slow"
-    settings = {"track": "scene:narrow_gap_150", "seed": 0, "workers": 1, "time_limit": 0.25, "pictures": False}
-    fg.compare([controller], out=here / "out", **settings)
-    (here / "marker").unlink()
-    capsys.readouterr()
-    assert main(["report", str(here / "out")]) == 0
-    assert not imported(foreign)
-    assert "--trust" in capsys.readouterr().err
-    assert "--trust" in (here / "out" / "report" / "index.html").read_text("utf-8")
-    rows = here / "out" / "runs.jsonl"  # whoever sends the folder can leave the hash out
-    text = rows.read_text("utf-8")
-    (row,) = (json.loads(line) for line in text.splitlines())
-    del row["sha256"]  # rows of older versions have no checksum of their own
-    row["origins"][0]["sha256"] = None
-    rows.write_text(json.dumps(row) + "\n", "utf-8")
-    for arguments in ([], ["--trust"]):
-        assert main(["report", str(here / "out"), *arguments]) == 0
-        assert not imported(foreign)
-    rows.write_text(text, "utf-8")
-    assert main(["report", str(here / "out"), "--trust"]) == 0
-    assert imported(foreign)
-
-
 @each("source", ["nowhere.py:X", "no_such_planner", "gap_finder:X", "/dev/zero.py:X", "", "os:system"])
 def test_what_is_not_there_is_not_trusted(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

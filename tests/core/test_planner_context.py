@@ -99,7 +99,7 @@ FIRST = {
 ELSEWHERE = {  # on the grid, or with a seed of its own
     "opponent in a rollout": lambda planner: fg.rollout("oval", n=1, time_limit=0.19, opponents=[entry(planner)]),
     "comparison": lambda planner: fg.compare(
-        [planner], track=["oval"], seed=[7], out="out", workers=1, pictures=False, **SHORT, **CAR | {"max_speed": [3.0]}
+        [planner], track=["oval"], seed=[7], out="out", workers=1, **SHORT, **CAR | {"max_speed": [3.0]}
     ),
     "environment": in_environment, "debug": in_debugger,
     "opponent in a live view": lambda planner: in_live_view(Setup.of(opponents=(entry(planner),))),

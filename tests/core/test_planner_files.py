@@ -40,7 +40,7 @@ class Told(Learned):
         super().__init__(settings)
         self.files = [Path("line.csv"), Path("policy").with_suffix(".txt")]
 """
-SHORT = {"track": ["oval"], "laps": 1, "time_limit": 0.3, "workers": 1, "pictures": False}
+SHORT = {"track": ["oval"], "laps": 1, "time_limit": 0.3, "workers": 1}
 
 
 @pytest.fixture(autouse=True)

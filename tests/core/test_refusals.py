@@ -21,7 +21,6 @@ import fg_mujoco.controllers
 from cases import each
 from conftest import Straight
 from fg_mujoco.addons.arena.random_courses.generator import GeneratorSettings
-from fg_mujoco.addons.arena.study.functions import overtake
 from fg_mujoco.addons.arena.tight_courses.drivable import Footprint
 from fg_mujoco.addons.arena.tight_courses.tight import TightSettings
 from fg_mujoco.addons.look.live.live_session import LiveSession
@@ -190,7 +189,6 @@ def test_a_word_that_lacks_a_letter_is_answered_with_the_word_at_every_door(name
 DOORS_OF_PYTHON = {
     "race": lambda **given: fg.race("oval", **given), "rollout": lambda **given: fg.rollout("oval", n=1, **given),
     "compare": lambda **given: fg.compare("gap_finder", track="oval", out="nowhere", **given),
-    "overtake": lambda **given: overtake("overtaker", track="oval", out="nowhere", **given),
     "drive": lambda **given: fg.drive("brake", **given), "Setup": Setup.of,
     "an environment": lambda **given: EnvironmentSettings.of(given),
 }  # fmt: skip

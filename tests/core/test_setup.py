@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.arena.study.functions import league, overtake
 from fg_mujoco.addons.gym2d.environment import simulator_of
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.config import parse
@@ -126,16 +125,14 @@ OTHER = {
 }  # fmt: skip
 CAR = {"vehicle", "tires", "mu", "floor", "changes"}
 TOLD = {"planner_mu", "max_speed", "knows", "odometry", "pose", "assist", "sensors", "effects", "odometry_drift"}
-DUEL = CAR | TOLD
 COURSE = {"track", "obstacles", "obstacle_seed", "moving", "patches"}
 DRIVER = TOLD | {"controller"}
 PLACE = {"planner_settings", "start", "seed", "grid"}
 STUDY = DRIVER - {"controller"} | CAR | {"obstacles", "moving", "patches", "laps", "time_limit"}
 STUDY |= {"lidar", "decision_limit"}
 USED = {
-    "overtake": DUEL | {"laps"}, "drive": CAR | {"sensors", "start", "lidar", "name", "patches"},
+    "drive": CAR | {"sensors", "start", "lidar", "name", "patches"},
     "a comparison": STUDY | {"controller", "track", "start", "grid", "rules"},
-    "a league": STUDY | {"obstacle_seed", "grid", "rules", "track", "controller", "seed"},  # three are its arguments
     "a rollout": CAR | COURSE | DRIVER | PLACE | {"laps", "time_limit", "decision_limit"},
     "a live view": CAR | COURSE | DRIVER | PLACE | {"name"},
     "an environment": CAR | COURSE | TOLD - {"planner_mu", "max_speed", "odometry_drift"}
@@ -152,9 +149,7 @@ def through(door, given, out):
     """Give a door a setup of some keywords, or the keywords."""
     setup = Setup.of(**given)
     return {
-        "overtake": lambda: overtake("overtaker", track="oval", seed=0, setup=setup, out=out, pictures=False),
-        "a comparison": lambda: fg.compare("gap_finder", track="oval", setup=setup, out=out, pictures=False),
-        "a league": lambda: league(**{"controller": ["gap_finder", "wall_follow"], "out": out} | given),
+        "a comparison": lambda: fg.compare("gap_finder", track="oval", setup=setup, out=out),
         "a rollout": lambda: fg.rollout(setup, n=1), "drive": lambda: fg.drive("brake", setup=setup),
         "a live view": lambda: LiveSession(setup), "an environment": lambda: EnvironmentSettings.of({"setup": setup}),
         "an environment of f1tenth_gym": lambda: simulator_of(setup=setup, vehicle=None, tires=None),

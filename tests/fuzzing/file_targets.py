@@ -158,17 +158,6 @@ def _race_of_several(samples):
     without_checksums(write_run(fg.race("oval", entries=entries, laps=1, time_limit=0.2), samples / "run"))
 
 
-def _compare(path, rng):
-    """Compare again, mostly without pictures, which take most of its time; its tables are written."""
-    attempt, module, drawn = command(*COMPARE), "fg_mujoco.addons.arena.study.pictures", rng.random() < 0.1
-
-    def undrawn():
-        with patch(f"{module}.table_picture"), patch(f"{module}.trace_pictures"):
-            return attempt()
-
-    return attempt if drawn else undrawn
-
-
 # -- vehicles
 
 _TAG = re.compile(rb"<(?!/|!|\?)[a-z]+[^<>]*>")
@@ -446,7 +435,7 @@ TARGETS = {"field_course": Target(attempt=_field_course),
                                     *READERS, lost=0.03),
     "rollout_folder": of_files(lambda samples: main([*ROLLOUT, "--out", str(samples / "study"), "--json"]), STUDY,
                                (*ROLLOUT, "--out", "study"), lost=0.25),
-    "comparison_folder": of_files(lambda samples: main([*COMPARE[:-1], str(samples / "study")]), STUDY, _compare,
+    "comparison_folder": of_files(lambda samples: main([*COMPARE[:-1], str(samples / "study")]), STUDY, COMPARE,
                                   lost=0.25), "vehicle": Target(attempt=_vehicle),
     "vehicle_files": Target(attempt=_vehicle_files), "settings_file": Target(attempt=_settings_file),
     "command_line": Target(attempt=_command_line, prepare=run),

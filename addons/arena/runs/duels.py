@@ -228,7 +228,7 @@ class Duel(Run):
         }  # fmt: skip
         row = self.row(result, figures=figures)
         why = row.car.message or said or None
-        return replace(row, cars=(replace(row.car, success=outcome == "overtaken", message=why),))
+        return replace(row, car=replace(row.car, success=outcome == "overtaken", message=why))
 
 
 class _Watch:

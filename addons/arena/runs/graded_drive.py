@@ -9,12 +9,10 @@ the reason. The points of its other drives stay, and the other planners go on.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 from fg_mujoco.racing.race import race_setup
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.result import RaceResult
-from fg_mujoco.registry import PARTS
 from fg_mujoco.rollouts.store import digest
 
 from .checks import Drive, SuiteCheck
@@ -36,7 +34,7 @@ class GradedDrive(Run):
     def drive(self) -> RunRow:
         """See Run."""
         try:
-            recorded = record(self.planners[0], self.setup)
+            recorded = record(str(self.place["planner"]), self.setup)
             if recorded.failed is not None and not len(recorded.commands):
                 return self._without_points(recorded.failed, recorded.message)
             first = replace(self.setup.first, controller=RecordedCommands(recorded.commands), planner_settings={})
@@ -50,7 +48,7 @@ class GradedDrive(Run):
             drive = Drive(result=result, ground=ground_of(self.setup))
             verdicts = [(each, each.check.judge(drive)) for each in self.checks]
             checks = [self._checked(each, verdict.measured, bool(verdict.passed)) for each, verdict in verdicts]
-            return self.row(result, checks=tuple(checks), picture=self._picture(result))
+            return self.row(result, checks=tuple(checks))
         except Exception as error:
             return self._without_points("not_judged", f"the drive cannot be judged: {why_failed(error)}")
 
@@ -66,19 +64,8 @@ class GradedDrive(Run):
     def _without_points(self, reason: str, message: str, result: RaceResult | None = None) -> RunRow:
         said = " ".join(message.split())
         checks = tuple(self._checked(each, said, passed=False) for each in self.checks)
-        driven: dict[str, Any] = {} if result is None else {
-            "picture": self._picture(result), "sim_time_s": result.sim_time_s,
-            "trajectory_sha256": result.trajectory_sha256,
-        }  # fmt: skip
-        return self.failed(reason, said, checks=checks, **driven)
-
-    def _picture(self, result: RaceResult) -> str:
-        car = result.car
-        ends = (("crash", car.crash), ("turned", car.wrong_way), ("rolled over", car.rollover))
-        driven = car.column("time_s") < car.end_time_s - 1e-9
-        marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
-        picture: str = PARTS.find("driven line")(
-            result.world, car.telemetry[driven][:, [4, 5]], car.column("speed_m_s")[driven], time=result.sim_time_s,
-            marks=marks, title=str(self),
-        )  # fmt: skip
-        return picture
+        row = self.failed(reason, said, checks=checks)
+        if result is None:
+            return row
+        driven = self.row(result, checks=checks)
+        return replace(driven, car=replace(driven.car, end_reason=reason, message=said, success=False))

@@ -91,7 +91,7 @@ def record(planner: str, setup: Setup) -> Recorded:
     """Drive a setup with a planner in place of its own, in a new process.
 
     Args:
-      planner: as `grade` takes it.
+      planner: as `study` takes it.
       setup: of the drive.
     """
     limit = setup.decision_limit

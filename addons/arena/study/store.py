@@ -2,12 +2,12 @@
 
     manifest.json     the settings that all runs have in common, and the versions; a folder of any others is refused
     runs.jsonl        a line a run, added when it is finished
-    runs.csv          a row for each planner of each run
-    table.csv         a row a cell, which is a group of runs
-    differences.csv   a row for each two planners in each group of runs that both drove
-    table.md          the tables, as Markdown
+    runs.csv          a row a run
+    table.csv         the table, see `tables`
+    table.md          the same for people
+    table.html        the same as a page, with where planners drove
 
-The tables are of the runs that the last call asked for. A run whose line is damaged is driven again, with a warning.
+The table is of the runs that the last call asked for. A run whose line is damaged is driven again, with a warning.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any
 
 from fg_mujoco.arguments import Suggesting, explain_class
 from fg_mujoco.course.writing import write_file
@@ -29,12 +29,11 @@ from fg_mujoco.rollouts.workers import time_left, work_through
 from fg_mujoco.simulation.planner_failure import without_exit
 
 from ..runs.run import Run, RunRow
-from .intervals import Differences
+from .page import write_study_page
 from .suite import Suite
-from .tables import Cell
+from .tables import ALL, Cell, cells_of, table_of
 
-RUNS = "runs.jsonl"
-_Study = TypeVar("_Study", bound="Study")
+RUNS, PAGE = "runs.jsonl", "table.html"
 
 
 @explain_class
@@ -57,87 +56,68 @@ class StudyProgress(Suggesting):
         return self.runs_found + self.runs_driven, self.runs, self.remaining_s
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Study(Shown):
-    """The results of a study. Each kind of study has its own class of this base.
+    """The results of a study."""
 
-    Attributes:
-      differences_of: how two planners differ in runs that both drove; None: each run has several planners.
-    """
-
-    differences_of: ClassVar[Differences | None] = None
-
-    suite: Suite | None  # None: its folder was read
+    suite: Suite
     rows: tuple[RunRow, ...]  # a run each, in the order of the study
-    cells: tuple[Cell, ...]  # a group of runs each: what it is of, and its figures
+    cells: tuple[Cell, ...]  # the table: what each row is of, and its figures
     folder: Path
     runs_driven: int  # by this call
     wall_time_s: float
-
-    @staticmethod
-    def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
-        """Return the cells of some rows."""
-        raise NotImplementedError
-
-    def _tables(self) -> list[Table]:
-        """Return the tables for people."""
-        raise NotImplementedError
-
-    @property
-    def lines(self) -> list[dict[str, Any]]:
-        """What the tables are made of: for each planner of each run what it is of, and its figures."""
-        return lines_of(self.rows)
-
-    @property
-    def differences(self) -> tuple[dict[str, Any], ...]:
-        """Differences of each two planners in the runs that both drove, by the names in differences.csv."""
-        return () if self.differences_of is None else self.differences_of.of(self.rows)
 
     @property
     def failed(self) -> bool:
         """Whether a run could not be driven."""
         return any(row.trajectory_sha256 is None for row in self.rows)
 
+    @property
+    def head(self) -> str:
+        """The first line of all that is shown: the suite and the assists of its planners."""
+        assists = ", ".join(dict.fromkeys(str(row.place["assist"]) for row in self.rows))
+        version = f" {self.suite.version}, {self.suite.sha256[:12]}" if self.suite.sha256 else ""
+        return f"{self.suite.name}{version}: {len(self.rows)} runs, assist {assists}"
+
+    def passed(self, cell: Cell) -> bool:
+        """Return whether a planner has passed the lab, by the last cell of its checks."""
+        return bool(cell["points"] >= self.suite.passing)
+
+    @property
+    def sums(self) -> tuple[Cell, ...]:
+        """Of a lab: the last cell of each planner, with all its points."""
+        return tuple(cell for cell in self.cells if cell.get("check") == ALL)
+
     def __repr__(self) -> str:
-        planners = len({car.planner for row in self.rows for car in row.cars})
+        planners = len({row.planner for row in self.rows})
         return brief(self, f"{len(self.rows)} runs of {planners} planners", f"in {quoted(self.folder)}")
 
     def _repr_html_(self) -> str:
-        below = paragraph(f"{len(self.rows)} runs in {self.folder}")
-        return escaped([*(each.notebook() for each in self.tables()), below])
+        return escaped([paragraph(f"{self.head}; in {self.folder}"), self.table().notebook()])
 
-    def tables(self) -> list[Table]:
-        """Return the tables for people, the last of which is that of the differences from the first planner."""
-        paired = None if self.differences_of is None else self.differences_of.table(self.differences)
-        return [*self._tables(), *([paired] if paired else [])]
+    def table(self) -> Table:
+        """Return the table for people."""
+        return table_of(self.cells)
 
     def markdown(self) -> str:
-        """Return the tables, each with its legend."""
-        return "\n".join(each.markdown() for each in self.tables())
+        """Return the first line, and the table with its legend."""
+        return f"{self.head}\n\n{self.table().markdown()}"
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as JSON has them."""
         own = {"runs": len(self.rows), "runs_driven": self.runs_driven, "wall_time_s": self.wall_time_s}
-        return own | {"table": list(self.cells), "differences": list(self.differences)}
+        return {"suite": self.suite.name, "version": self.suite.version} | own | {"table": list(self.cells)}
 
     def texts(self) -> dict[str, str]:
-        """Return the tables as they are in the folder, by the names of their files."""
-        lines = self.lines
+        """Return the runs and the table as they are in the folder, by the names of their files."""
+        lines = [row.line for row in self.rows]
         names = [name for name in dict.fromkeys(name for line in lines for name in line)
                  if any(line.get(name) is not None for line in lines)]  # fmt: skip
-        paired = {"differences.csv": Table.of(self.differences).csv()} if self.differences else {}
         return {
             "runs.csv": Table.of(lines, names).csv(), "table.csv": Table.of(self.cells).csv(),
             "table.md": self.markdown(),
-        } | paired  # fmt: skip
-
-    def draw(self, runs: Sequence[Run]) -> None:
-        """Write the pictures and pages of the study to its folder."""
-
-
-def lines_of(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
-    """Return the lines of some rows."""
-    return [line for row in rows for line in row.lines()]
+        }  # fmt: skip
 
 
 class RunsFolder(StudyFolder):
@@ -145,7 +125,6 @@ class RunsFolder(StudyFolder):
 
     Args:
       folder: the path.
-      command: that writes it.
 
     Attributes:
       runs: rows that are there, by their keys; once they are read.
@@ -153,8 +132,8 @@ class RunsFolder(StudyFolder):
 
     runs: Rows[str, RunRow]
 
-    def __init__(self, folder: str | Path, command: str = "study") -> None:
-        super().__init__(folder, title=command, command=command)
+    def __init__(self, folder: str | Path) -> None:
+        super().__init__(folder, title="study", command="study")
 
     def read(self, *, repair: bool) -> None:
         """Read the rows of a folder that is open, and compare each with its checksum.
@@ -174,42 +153,40 @@ class RunsFolder(StudyFolder):
           RunFolderError: it cannot be written.
         """
         self.runs.add(row.key, row, asdict(row))
-        if not row.checks and any(car.end_reason == "worker_died" for car in row.cars):
-            warnings.warn(f"{run}: {row.message}", UserWarning, stacklevel=2)
+        if not row.checks and row.car.end_reason == "worker_died":
+            warnings.warn(f"{run}: {row.car.message}", UserWarning, stacklevel=2)
 
 
 def drive_study(
-    study: type[_Study],
     suite: Suite,
     runs: Sequence[Run],
     out: str | Path,
     settings: Mapping[str, Any],
     *,
-    command: str,
     workers: int | None,
     watch: Callable[[StudyProgress], None] | None,
-) -> _Study:
-    """Drive the runs that are missing in a folder, write the tables and pictures, and return the results.
+    page: bool = True,
+) -> Study:
+    """Drive the runs that are missing in a folder, write the table, and return the results.
 
     A run in which a planner fails, or ends its worker process, is a row that says so; the others go on. Ctrl-C raises
     KeyboardInterrupt once the workers have stopped; the same call goes on with the runs that are missing.
 
     Args:
-      study: class of the results.
       suite: that is driven.
       runs: of the whole study, in its order.
       out: folder: a new or empty one, or one of a study with the same settings.
       settings: that all runs have in common, as JSON has them; a folder of any others is refused.
-      command: that writes such folders.
       workers: processes; None: as many as there are cores; one: no other than this.
       watch: called several times a second.
+      page: whether to write the page.
 
     Raises:
       RunFolderError: the folder is of another study, in use, or cannot be written.
       EngineError: a worker process could not be started.
     """
     require_whole("workers", workers, 1, optional=True)
-    folder = RunsFolder(out, command)
+    folder = RunsFolder(out)
     with claimed(folder):
         folder.open(settings, versions())
         folder.read(repair=True)
@@ -223,15 +200,16 @@ def drive_study(
         taken = work_through(_drive, missing, folder.keep, workers=workers, watch=tell, died=_died)
         keys = [run.key for run in runs]
         rows = tuple(folder.runs[key] for key in keys)
-        results = study(
-            suite=suite, rows=rows, cells=study.make_cells(rows), folder=folder.folder, runs_driven=len(missing),
+        results = Study(
+            suite=suite, rows=rows, cells=cells_of(rows), folder=folder.folder, runs_driven=len(missing),
             wall_time_s=taken,
         )  # fmt: skip
         folder.runs.sort(keys)
         with blame(folder.folder, WRITABLE):
             for name, text in results.texts().items():
                 write_file(folder.folder / name, text.encode())
-            results.draw(runs)
+            if page:
+                write_study_page(results.head, results.table(), rows, folder.folder / PAGE)
         return results
 
 

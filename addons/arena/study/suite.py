@@ -1,17 +1,13 @@
 """A suite: what planners are driven through, read from a TOML file.
 
-    name = "wet floor"              # and `version`, `assists`; `passing` of a lab
+    name = "wet floor"              # and `version`, `passing` of a lab
+    assists = ["none"]              # each planner is driven with each; none, where nothing is said
     laps = 2                        # what stands here is of all groups
 
     [[groups]]
     name = "circuits"
     track = ["oval", "hairpins"]    # of a list each value is a run, with each of the other lists'
     mu = [0.5, 0.8]
-
-    [[groups]]
-    name = "heats"
-    track = "fast"
-    heats = 2                       # planners that race each other, each pair from both places of the grid
 
     [[groups]]
     name = "duels"                  # behind a slower car: see `duels`
@@ -25,7 +21,7 @@
     points = 40
 
 All settings of a Setup can stand at the top, in a group or in a check, but those of the planner. `seeds` draw all that
-is drawn: a scene, obstacles, what moves, and noise. A suite has groups of one kind: runs alone, heats, duels or checks.
+is drawn: a scene, obstacles, what moves, and noise. A suite has groups of one kind: runs alone, duels or checks.
 """
 
 from __future__ import annotations
@@ -56,11 +52,14 @@ NOT_OF_A_SUITE = ("controller", "planner_settings", "assist", "name")
 
 KEYWORDS = tuple(name for name in SETUP_KEYWORDS if name not in (*NOT_OF_A_SUITE, "entries"))
 DECISION_LIMIT = 1.0
-"""[s] that a planner of a lab or a heat may take for a decision unless the suite says otherwise."""
+"""[s] that a planner of a lab may take for a decision unless the suite says otherwise."""
+
+ASSIST = "none"
+"""Assist of a study that says no other, so that planners are compared, and not the stages around them."""
 
 _LISTS = ("opponents", "patches", "sensors")  # settings that are lists by themselves
 _OF_SUITE = ("name", "version", "assists", "passing", "groups", "checks")
-_OF_GROUP = ("name", "heats", "seeds", *(each.name for each in fields(Duels) if each.init))
+_OF_GROUP = ("name", "seeds", *(each.name for each in fields(Duels) if each.init))
 _OF_CHECK = ("check", "name", "points")
 _NOT_OF_DUELS = ("start", "start_s", "start_offset", "start_heading", "start_speed", "grid", "rules")
 
@@ -70,14 +69,13 @@ class Group:
     """Runs of which every value of every list is combined with every other.
 
     Raises:
-      SettingsError: a list without values or with a value twice, or a number of cars or seeds that is not accepted.
+      SettingsError: a list without values or with a value twice, or a seed that is not accepted.
     """
 
     name: str
     base: Setup  # of a planner and, where there are any, its opponents
     axes: Mapping[str, Sequence[Any]] = field(default_factory=dict)  # by keyword
     seeds: Sequence[int] = ()  # each draws all that is drawn; none: `base` says what is
-    heats: int = 1  # cars of a heat; 1: each planner drives without the others
     duels: Duels | None = None
     checks: tuple[SuiteCheck, ...] = ()
 
@@ -86,7 +84,6 @@ class Group:
             require_axis(name, values)
         for seed in self.seeds:
             require_whole("seed", seed, 0)
-        require_whole("heats", self.heats, 1)
         if self.duels is not None and self.duels.speed:
             given = {name: value for name, value in (("seeds", self.seeds), ("laps", self.base.laps)) if value}
             _require_unset(given, tuple(given), "duels from given places")
@@ -102,8 +99,7 @@ class Group:
             setup = replace(self.base.replace(**of_race), entries=(first, *self.base.entries[1:]))
             if is_scene(setup) and isinstance(setup.obstacles, int):  # it has its own
                 setup = replace(setup, obstacles=())
-            place = {"course": course_name(str(setup.track)) if isinstance(setup.track, str) else setup.track.name}
-            place |= {name: value for name, value in chosen.items() if name != "track"}
+            place = {"course": setup.track} | {name: value for name, value in chosen.items() if name != "track"}
             if not self.seeds:
                 yield place, setup
                 continue
@@ -122,11 +118,12 @@ class Suite:
     name: str
     groups: tuple[Group, ...]
     version: int = 1
-    assists: tuple[str, ...] = ()  # each planner is driven with each; none: as it comes
+    assists: tuple[str, ...] = (ASSIST,)  # each planner is driven with each, but for those that have their own
     passing: float = 0.0  # points that are needed
     sha256: str = ""  # of its file
 
     def __post_init__(self) -> None:
+        require_axis("assist", self.assists)
         for assist in self.assists:
             names_in(assist, f"suite {self.name}: assists")
         for what, names in (
@@ -140,18 +137,15 @@ class Suite:
         if len(kinds) != 1:
             said = f"has groups of several kinds: {', '.join(sorted(kinds))}" if kinds else "has no groups"
             raise SettingsError(f"suite {self.name} {said}; accepted: one or more groups, of one kind")
-        if self.assists and self.kind in ("heats", "checks"):
-            said = f"suite {self.name} has assists {shown(self.assists)} and {self.kind}"
-            raise SettingsError(f"{said}; accepted: NAME[assist=...] as a planner")
 
     @property
     def kind(self) -> str:
-        """Of its runs: "alone", "heats", "duels", "checks"."""
+        """Of its runs: "alone", "duels", "checks"."""
         return _kind_of(self.groups[0])
 
 
 def _kind_of(group: Group) -> str:
-    return "duels" if group.duels else "checks" if group.checks else "heats" if group.heats > 1 else "alone"
+    return "duels" if group.duels else "checks" if group.checks else "alone"
 
 
 def read_suite(path: str | Path) -> Suite:
@@ -181,7 +175,7 @@ def _suite(given: Mapping[str, Any], stem: str, sha256: str) -> Suite:
         own = tuple(check for setup, check in found if setup == drive)
         made.append(Group(name=f"drive {len(made)}", base=drive, checks=own))
     total = sum(check.points for _, check in found)
-    assists, number = values.get("assists", []), values.get("version", 1)
+    assists, number = values.get("assists", [ASSIST]), values.get("version", 1)
     require_whole("version", number, 1)
     for key, value, kind, accepted in (
         ("assists", assists, list, "a list of names"), ("name", values.get("name", stem), str, "a text"),
@@ -206,11 +200,9 @@ def _group(given: Mapping[str, Any], shared: Mapping[str, Any], where: str) -> G
         _require_known(settings, KEYWORDS, _OF_GROUP, "a group")
         if "track" not in settings:
             raise SettingsError("it has no track; accepted: a track, or a list of them")
-        heats, of_duels = values.get("heats", 1), {key: values[key] for key in values if key in _OF_GROUP[3:]}
-        if heats != 1 or of_duels:
-            _require_unset(settings, ("opponents", *(() if heats != 1 else _NOT_OF_DUELS)), "heats or duels")
-        if heats != 1:
-            settings["opponents"] = ["gap_finder"]  # in place of the planners, so that it can have a grid and rules
+        of_duels = {key: values[key] for key in values if key in _OF_GROUP[2:]}
+        if of_duels:
+            _require_unset(settings, ("opponents", *_NOT_OF_DUELS), "duels")
         axes = {key: value for key, value in settings.items() if key not in _LISTS and _is_axis(value)}
         fixed = {key: value for key, value in settings.items() if key not in axes}
         if not isinstance(fixed.get("track", ""), str) or not all(isinstance(t, str) for t in axes.get("track", ())):
@@ -218,7 +210,7 @@ def _group(given: Mapping[str, Any], shared: Mapping[str, Any], where: str) -> G
         seeds = values.get("seeds", [])
         group = Group(
             name=name, base=Setup.read(fixed), axes=axes, seeds=tuple(seeds) if isinstance(seeds, list) else (seeds,),
-            heats=heats, duels=Duels(**of_duels) if of_duels else None,
+            duels=Duels(**of_duels) if of_duels else None,
         )  # fmt: skip
         for _ in group.setups():  # refuses what no setup can be
             pass
@@ -294,11 +286,6 @@ def require_axis(name: str, values: Sequence[Any]) -> None:
     if not len(values) or twice is not None:
         said = f"no {name} is given" if not len(values) else f"{name} {twice} is given twice"
         raise SettingsError(f"{said}; accepted: one or more, each once")
-
-
-def course_name(track: str) -> str:
-    """Return the name of a course in tables: of a file without its folder."""
-    return Path(track).stem if track.endswith(".csv") else track
 
 
 def is_drawn(setup: Setup) -> bool:

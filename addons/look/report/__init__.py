@@ -4,8 +4,7 @@
 
 `recorded` reads a run and its columns. `laps_and_slides` and `map_shapes` compute what is shown of it.
 `map_plot` and `time_plots` draw it, `clip` makes the video, `sections` and `field` the text and tables, and
-`report_page` puts all of it together by the kit of `pictures.pages`. The pages of a comparison are made by
-`arena.comparison.pages`.
+`report_page` puts all of it together by the kit of `pictures.pages`.
 """
 
 from .report_page import write_report

@@ -2,15 +2,15 @@
 
     write_report("runs/oval", "runs/oval/report.html")
 
-Its plots are bokeh's, whose JavaScript is in the page too, or beside it where many pages share one.
+Its plots are bokeh's, whose JavaScript is in the page too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
-from fg_mujoco.display import Html, html
+from fg_mujoco.display import html
 from fg_mujoco.pictures.pages.bokeh_plots import embed, require_bokeh
 from fg_mujoco.pictures.pages.page import resource, switch, write_page
 from fg_mujoco.racing.result import RaceResult
@@ -61,8 +61,6 @@ def write_report(
     path: str | Path,
     *,
     clip_seconds: float | None = CLIP_SECONDS,
-    share_library: bool = False,
-    notes: Sequence[str] = (),
     watch: Callable[[int, int, str], None] | None = None,
 ) -> Path:
     """Write the report of a run and return its path. It appears whole, in the place of one that may be there.
@@ -71,8 +69,6 @@ def write_report(
       source: a run folder, a Run or a RaceResult.
       path: of the page.
       clip_seconds: of the video in it [s]; None: there is none.
-      share_library: whether bokeh's JavaScript is read from a file LIBRARY beside the page, and not in the page.
-      notes: lines of text (HTML) under the result.
       watch: told how many frames of the video are done, of how many, and the word "frame".
 
     Raises:
@@ -112,10 +108,10 @@ def write_report(
     if field is not None:
         plots["field"] = field_plots(field)
     plots_script, places = embed(plots)
-    told: list[object] = [Html(each) for each in notes]
+    told: list[object] = []
     of_several = None
     if field is not None:
-        told.insert(0, said(field, summary.get("winner")))
+        told.append(said(field, summary.get("winner")))
         of_several = html(
             _OF_SEVERAL, cars=cars_table(field), plots=places["field"], overtakes=overtakes_table(field),
             contacts=contacts_table(field), name=field.rows[0]["name"],
@@ -135,4 +131,4 @@ def write_report(
         "clip_start": film.start if film else 0.0,
     }
     script = resource(__package__, "report.js")
-    return write_page(path, run.title, body, plots=plots_script, share_library=share_library, script=script, data=data)
+    return write_page(path, run.title, body, plots=plots_script, script=script, data=data)

@@ -19,16 +19,12 @@ from ...course.writing import write_file, writing
 from ...display import Html, element, html
 from .bokeh_plots import library
 
-LIBRARY = "bokeh.min.js"
-"""Name of the file with bokeh's JavaScript, where pages share one."""
-
 
 def write_page(
     path: str | Path,
     title: str,
     body: object,
     plots: str | None = None,
-    share_library: bool = False,
     script: str = "",
     data: object = None,
     style: str = "",
@@ -42,7 +38,6 @@ def write_page(
       title: of its window.
       body: its parts, as of `display.html`.
       plots: JavaScript of `bokeh_plots.embed`; None: the page has no plots.
-      share_library: whether bokeh's JavaScript is read from a file LIBRARY beside the page, and not in the page.
       script: JavaScript of the page's own, after page.js. On a page with plots it waits for the event "plots".
       data: what the script finds as JSON in the element `report-data`.
       style: CSS, after that of all pages.
@@ -51,16 +46,15 @@ def write_page(
       RunFolderError: it cannot be written.
     """
     style = resource(__package__, "page.css") + style
-    drawn = [] if plots is None else [plots] if share_library else [library(), plots]
+    drawn = [] if plots is None else [library(), plots]
     own = [resource(__package__, "page.js"), script] if script or drawn else []
     scripts = [_as_parsed(each) for each in (*drawn, *own) if each]
     allowed = [f"'sha256-{b64encode(sha256(each.encode()).digest()).decode()}'" for each in scripts]
-    allowed += ["'self'", "file:"] if share_library else []
     policy = (
         f"default-src 'none'; script-src {' '.join(allowed) or _NONE}; style-src 'unsafe-inline'; "
         "img-src data: blob:; media-src data:; font-src data:; base-uri 'none'; form-action 'none'"
     )
-    tags = [element("script", src=LIBRARY)] if share_library else []
+    tags = []
     if data is not None:
         text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no text in it ends it
         tags.append(element("script", Html(text), type="application/json", id="report-data"))

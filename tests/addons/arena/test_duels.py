@@ -20,26 +20,26 @@ from fg_mujoco.addons.arena.runs.slower_cars import (
     make_opponent,
     start_on,
 )
-from fg_mujoco.addons.arena.study.functions import overtake
+from fg_mujoco.addons.arena.study.functions import study
 from fg_mujoco.addons.arena.study.plan import plan
 from fg_mujoco.addons.arena.study.suite import read_suite
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.rollouts.shares import wilson
 
-SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
+SUITE = '[[groups]]\nname = "all"\ntrack = "oval"\nopponent = "centreline"\nlaps = 2\nseeds = [0]\n'
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
 CAR = fg.Vehicle.load().parameters
 
 
 def duel(planner="overtaker", track="oval", opponent="centreline", seed=1, ratio=(0.3, 0.9), *, knows="", **placed):
-    place = {"planner": planner, "course": track, "opponent": opponent}
+    place = {"planner": planner, "assist": "full", "course": track, "opponent": opponent}
     if placed:
         place |= {"speed": 0.5, "start_m": 10.0, "headway_m": 3.0, "offset_m": 0.0} | placed
     else:
         place["seed"] = seed
     setup = fg.Setup.of(track, controller=planner, time_limit=place.pop("seconds", None), knows=knows)
-    return Duel(place=place, setup=setup, planners=(planner,), course_sha256="", origins=(Origin(sha256=None),),
+    return Duel(place=place, setup=setup, course_sha256="", origins=(Origin(sha256=None),),
                 duels=Duels(opponent=[opponent], ratio=ratio, speed=[place["speed"]] if placed else ()))  # fmt: skip
 
 
@@ -142,16 +142,23 @@ def test_the_overtaker_keeps_behind_where_there_is_no_room(tmp_path):
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path):
-    first = overtake(["overtaker"], seed=[0], out=tmp_path / "a", **SHORT)
-    assert (first.runs_driven, len(first.rows)) == (1, 1)
-    longer = overtake(["overtaker"], seed=[0, 1], out=tmp_path / "a", **SHORT)
-    assert (longer.runs_driven, len(longer.rows)) == (1, 2)
+    suite = tmp_path / "duels.toml"
+
+    def driven(text):
+        suite.write_text(text)
+        return study(suite, "overtaker", out=tmp_path / "a", workers=1)
+
+    first, longer = driven(SUITE), driven(SUITE.replace("[0]", "[0, 1]"))
+    assert (first.runs_driven, len(first.rows)) == (1, 1) == (longer.runs_driven, len(longer.rows) - 1)
     assert longer.rows[0] == first.rows[0]
-    cell = longer.cells[-1]
-    assert (cell["course"], cell["opponent"], cell["runs"]) == ("all", "all", 2)
-    assert {"runs.csv", "runs.jsonl", "manifest.json", "table.csv", "table.md"} <= set(files(tmp_path / "a"))
+    (cell,) = longer.cells
+    assert (cell["course"], cell["assist"], cell["runs"]) == ("oval", "none", 2)
+    assert cell["successes"] == sum(row.figures["outcome"] == "overtaken" for row in longer.rows) and "safe" in cell
+    assert set(files(tmp_path / "a")) == {
+        "manifest.json", "runs.csv", "runs.jsonl", "table.csv", "table.html", "table.md"
+    }  # fmt: skip
     with pytest.raises(RunFolderError, match="accepted"):
-        overtake(["overtaker"], seed=[0], out=tmp_path / "a", laps=1, **SHORT)
+        driven('name = "other"\n' + SUITE)
 
 
 def test_a_planner_that_knows_its_opponent_is_told_where_it_is(tmp_path):

@@ -52,10 +52,13 @@ def here(tmp_path, monkeypatch):
 
 def verdicts(lab, planner):
     """What the checks of a lab say of a planner that is raced here, without a process of its own."""
-    found = []
-    for group in read_suite(lab).groups:
+    found, suite = [], read_suite(lab)
+    (assist,) = suite.assists
+    for group in suite.groups:
         choice = ControllerChoice.of(planner)
-        first = replace(group.base.first, controller=choice.source, planner_settings=dict(choice.settings))
+        first = replace(
+            group.base.first, controller=choice.source, planner_settings=dict(choice.settings), assist=assist
+        )
         result = race_setup(replace(group.base, entries=(first, *group.base.entries[1:])))
         drive = CheckedDrive(result=result, ground=ground_of(group.base))
         found += [(each.points, each.check.judge(drive)) for each in group.checks]
@@ -131,8 +134,9 @@ def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_
     assert main(["study", "lab.toml", *planners, "--out", "out", "--workers", "1", "--json"]) == 1
     out, err = capsys.readouterr()
     assert "Traceback" not in err
-    table = {row["planner"]: row for row in json.loads(out)["table"]}
-    assert table["good.py"]["points"] == 2 and table["good.py"]["reason"] is None
+    table = {row["planner"]: row for row in json.loads(out)["table"] if row["check"] == "all"}
+    assert table["good.py"]["points"] == 2 and table["good.py"]["measured"] is None
+    page = (here / "out" / "table.html").read_text()
     for planner, said in (("syntax.py", "SyntaxError"),
                           ("raises.py", "ZeroDivisionError: division by zero (raises.py, line 2)"),
                           ("late.py", "ValueError: late (late.py, line 4)"), ("answers.py", "'left'"),
@@ -140,9 +144,8 @@ def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_
                           ("exits.py", "SystemExit: 7"), ("empty.py", "there is no class in the file"),
                           ("two.py", "accepted: two.py:One, two.py:Two"), ("nothing.py", "there is no file nothing.py"),
                           ("two.py:Two", "None"), ("gap_finder[wide=2]", "has no setting 'wide'")):  # fmt: skip
-        assert table[planner]["points"] == 0 and said in table[planner]["reason"], planner
-        page = here / "out" / f"{planner.translate({ord(mark): '_' for mark in ':[=]'}).strip('_')}.html"
-        assert said.replace("'", "&#x27;") in page.read_text()
+        assert table[planner]["points"] == 0 and said in table[planner]["measured"], planner
+        assert said.replace("'", "&#x27;") in page
 
 
 CHANGES = """
@@ -185,7 +188,7 @@ def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here)
     (here / "lab.toml").write_text(ONE.replace("least_progress_m = 0", "least_progress_m = 0.05"))
     planners = ["mine.py:Steady", "changes.py", "mine.py:Steady[speed=1]"]
     found = study("lab.toml", planners, out="out", workers=1)
-    assert [each["points"] for each in found.cells] == [2, 0, 2]
+    assert [each["points"] for each in found.sums] == [2, 0, 2]
     assert "mine" not in {check.measured for check in found.rows[1].checks}
     raced = fg.race("oval", "mine.py:Steady", laps=1, time_limit=0.2)
     assert found.rows[0].trajectory_sha256 == raced.trajectory_sha256
@@ -197,23 +200,23 @@ def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeyp
     text, said = HOSTILE[name]
     (here / name).write_text(text)
     (here / "lab.toml").write_text(ONE)
-    bad, good = study("lab.toml", [name, "good.py"], out="out", workers=1).cells
-    assert (bad["points"], good["points"]) == (0, 2) and said in bad["reason"]
+    bad, good = study("lab.toml", [name, "good.py"], out="out", workers=1).sums
+    assert (bad["points"], good["points"]) == (0, 2) and said in bad["measured"]
 
 
 def test_a_record_that_a_planner_wrote_itself_has_no_points(here):
     for name, text in RECORDS.items():
         (here / f"{name}.py").write_text(WRITES.format(record=f"{text}; os.replace('aside.npz', 'record.npz')"))
     (here / "lab.toml").write_text(ONE)
-    found = study("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).cells
-    assert [each["points"] for each in found] == [0] * len(RECORDS) and all(each["reason"] for each in found)
+    found = study("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).sums
+    assert [each["points"] for each in found] == [0] * len(RECORDS) and all(each["measured"] for each in found)
 
 
 def test_an_error_in_a_check_fails_that_drive(here, monkeypatch):
     monkeypatch.setattr(CHECKS["finishes"], "judge", lambda self, drive: {}["steering"])
     (here / "lab.toml").write_text(LAB)
-    (found,) = study("lab.toml", "good.py", out="out", workers=1).cells
-    assert found["points"] == 2 and found["reason"] == "the drive cannot be judged: KeyError: 'steering'"
+    (found,) = study("lab.toml", "good.py", out="out", workers=1).sums
+    assert found["points"] == 2 and found["measured"] == "the drive cannot be judged: KeyError: 'steering'"
 
 
 def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
@@ -222,9 +225,9 @@ def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
     assert study("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 0
     (here / "raises.py").write_text(FILES["good.py"])
     again = study("lab.toml", ["good.py", "raises.py"], out="out", workers=1)
-    assert again.runs_driven == 1 and [each["points"] for each in again.cells] == [2, 2]
+    assert again.runs_driven == 1 and [each["points"] for each in again.sums] == [2, 2]
     (here / "lab.toml").write_text(ONE.replace("points = 2", "points = 4"))
-    assert study("lab.toml", ["good.py"], out="out", workers=1).cells[0]["points"] == 4
+    assert study("lab.toml", ["good.py"], out="out", workers=1).sums[0]["points"] == 4
 
 
 @each("lab, planner", [

@@ -100,6 +100,6 @@ def test_a_policy_is_compared_with_planners_for_each_friction(tmp_path):
     interface = PolicyInterface.of(settings, world.parameters, world.vehicle.lidar.beams, 0.025)
     save_policy(network_for(interface), tmp_path / "first", interface)
     ran = fg.compare([str(tmp_path / "first"), "gap_finder"], track=["oval"], mu=[0.6, 1.0], laps=1, seed=0,
-                     out=tmp_path / "table", workers=1, time_limit=1.0, pictures=False)  # fmt: skip
+                     out=tmp_path / "table", workers=1, time_limit=1.0)  # fmt: skip
     assert [(cell["planner"], cell["mu"], cell["runs"]) for cell in ran.cells] == [("first", 0.6, 1), ("first", 1.0, 1),
-        ("gap_finder", 0.6, 1), ("gap_finder", 1.0, 1)]  # fmt: skip
+        ("gap_finder", 0.6, 1), ("gap_finder", 1.0, 1), ("first", "all", 2), ("gap_finder", "all", 2)]  # fmt: skip

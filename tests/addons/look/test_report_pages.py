@@ -16,7 +16,6 @@ from refusals import refused
 
 pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
 
-from fg_mujoco.addons.arena.study.pages import write_comparison_report
 from fg_mujoco.addons.look.report import write_report
 from fg_mujoco.addons.look.report.recorded import read_recorded
 
@@ -83,33 +82,6 @@ def test_clip_that_cannot_be_drawn_is_told_in_the_page(folder, tmp_path, monkeyp
     text = write_report(folder, tmp_path / "page.html", clip_seconds=1.0).read_text()
     assert "<video" not in text
     assert "<code>apt-get install something</code>" in text
-
-
-@pytest.fixture(scope="module")
-def comparison(tmp_path_factory):
-    """Of two planners, one of them in a file, on a scene."""
-    place = tmp_path_factory.mktemp("comparison")
-    planner = place / "slow.py"
-    planner.write_text("from fg_mujoco.messages import DriveCommand\n" "class Slow:\n" "    def reset(self): pass\n"
-                       "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=1.0)\n")
-    fg.compare(["gap_finder", f"{planner}:Slow"], track=["scene:narrow_gap_150"], seed=[0, 1], out=place / "out",
-               workers=1, time_limit=3.0, pictures=False)  # fmt: skip
-    return place
-
-
-def test_comparison_has_a_page_for_each_run_and_an_index(comparison, monkeypatch):
-    monkeypatch.chdir(comparison)
-    index = write_comparison_report("out", trust=True)
-    pages = sorted(path.name for path in index.parent.glob("*.html") if path != index)
-    assert sorted(Page(index.read_text()).loads) == pages
-    assert len(pages) == 4
-    for name in pages:
-        text = (index.parent / name).read_text()
-        assert sorted(Page(text).loads) == ["bokeh.min.js", "index.html"]
-        assert "the same run, bit for bit" in text
-    before = {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")}
-    write_comparison_report("out", trust=True)  # goes on where it was: nothing is left to do
-    assert {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")} == before
 
 
 def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(report, lap, page_of):
@@ -215,31 +187,3 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
     text = (copy / "report.html").read_text("utf-8")
     assert "<script>alert" not in text and "<img" not in text and Page(text).runs_its_own_scripts_alone()
     assert text.count("&lt;script&gt;alert(1)") >= sum(path != ("schema",) for path in leaves(summary)) - count
-
-
-def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
-    out = tmp_path / "out"
-    shutil.copytree(comparison / "out", out, ignore=shutil.ignore_patterns("report"))
-    lines = (out / "runs.jsonl").read_text("utf-8").splitlines()
-    row = json.loads(lines[0])
-    del row["sha256"]  # as of an older version
-
-    def report_with(**parts):  # with one other run, for a page is made of each
-        (out / "runs.jsonl").write_text("\n".join([json.dumps(row | parts), lines[1]]) + "\n")
-        shutil.rmtree(out / "report", ignore_errors=True)
-        return main(["report", str(out)])
-
-    car = row["cars"][0]
-    texts = {name: MARKUP for name, value in car.items() if value is None or isinstance(value, str)}
-    numbers = [name for name, value in car.items() if name not in texts]
-    for name in numbers:
-        assert report_with(cars=[car | {name: MARKUP}]) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert name in line
-    said = {name: MARKUP for name in ("planner", "end_reason", "message") if name in texts}
-    of_row = dict.fromkeys(("key", "course_sha256", "trajectory_sha256", "winner", "message"), MARKUP)
-    place, setup = dict.fromkeys(row["place"], MARKUP), dict.fromkeys(row["setup"], MARKUP)
-    assert report_with(cars=[car | said], place=place, setup=setup, **of_row) != 2  # all at once: pages are made once
-    text = (out / "report" / "index.html").read_text("utf-8")
-    assert "<script" not in text and Page(text).runs_its_own_scripts_alone()
-    assert text.count("&lt;script&gt;alert(1)") >= 4

@@ -1,7 +1,7 @@
-"""A comparison drives each run of its grid once, says how it went, and keeps it; and the command that does so."""
+"""A study drives each run once, says how it went, and keeps it: comparisons, suites and scores; and their commands."""
 
 import csv
-import importlib.util
+import json
 import os
 import signal
 import subprocess
@@ -14,14 +14,13 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from comparison_worlds import FAILS_AT, PLANNERS, files
-from fg_mujoco.addons.arena.runs.run import CarFigures, Origin, RunRow, driven_poses, wrong_way_time
-from fg_mujoco.addons.arena.study.kinds import Comparison
-from fg_mujoco.addons.arena.study.pages import write_comparison_report
+from comparison_worlds import FAILS_AT, PLANNERS, SUITE, files
+from fg_mujoco.addons.arena.runs.run import CarFigures, Origin, RunRow, driven_poses, lap_bound, wrong_way_time
+from fg_mujoco.addons.arena.study.functions import study
+from fg_mujoco.addons.arena.study.tables import cells_of, table_of
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
-from fg_mujoco.errors import install_command
 from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.rollouts.shares import wilson
 
@@ -38,7 +37,7 @@ def here(tmp_path, monkeypatch):
 
 def compare(controller=GRID, **options):
     defaults = {"track": ["oval"], "laps": 1, "time_limit": 0.6, "obstacles": 1, "seed": [0, 4], "workers": 1,
-                "out": "out", "pictures": False}  # fmt: skip
+                "out": "out"}  # fmt: skip
     return fg.compare(controller, **(defaults | options))
 
 
@@ -58,7 +57,7 @@ def test_a_run_is_the_race_that_it_says():
     assert figures.mean_speed_m_s == result.car.mean_speed_m_s
     assert figures.distance_m == pytest.approx(result.car.column("progress_m")[-1], rel=0.1)
     assert row.setup["obstacle_seed"] == row.setup["seed"] == 4
-    assert row.car.planner == row.place["planner"] == "planners.py:Gentle[speed=2,steering=0.1]"
+    assert row.planner == row.place["planner"] == "planners.py:Gentle[speed=2,steering=0.1]"
 
 
 def test_a_lap_is_a_success_with_its_times():
@@ -120,19 +119,19 @@ def test_the_clearance_to_what_moves_is_that_of_its_time():
 
 
 def test_the_files_are_the_same_for_any_number_of_workers_and_after_an_interruption(here):
-    compare(out="straight", pictures=True)
+    compare(out="straight")
 
     def interrupt(progress):
         if progress.runs_driven == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        compare(out="halting", pictures=True, watch=interrupt)
+        compare(out="halting", watch=interrupt)
     assert len((here / "halting/runs.jsonl").read_text().splitlines()) == 2
-    assert compare(out="halting", pictures=True).runs_driven == 4
-    assert compare(out="many", pictures=True, workers=2).runs_driven == 6
+    assert compare(out="halting").runs_driven == 4
+    assert compare(out="many", workers=2).runs_driven == 6
     assert files(here / "straight") == files(here / "halting") == files(here / "many")
-    assert {"runs.csv", "table.csv", "table.md", "table.png", "traces/oval.png"} < files(here / "straight").keys()
+    assert {"runs.csv", "table.csv", "table.md", "table.html"} < files(here / "straight").keys()
 
 
 def test_finished_runs_are_not_driven_again_and_a_larger_grid_goes_on(here):
@@ -173,20 +172,15 @@ DAMAGE = {"no run": ("runs.jsonl, line 1: ", lambda f: (f / "runs.jsonl").write_
 
 
 @each("damage", DAMAGE)
-def test_a_damaged_run_is_refused_by_its_name_and_driven_again_by_the_same_comparison(here, damage):
+def test_a_damaged_run_is_told_of_by_its_name_and_driven_again(here, damage):
     compare(GRID[:1])
     whole = files(here / "out")
     named, spoil = DAMAGE[damage]
     spoil(here / "out")
-    spoilt = files(here / "out")
-    with pytest.raises(fg.RunFolderError, match=rf"{named}.*; accepted: ") as caught:
-        write_comparison_report("out")
-    assert "\n" not in str(caught.value)
-    assert {name: text for name, text in files(here / "out").items() if "report" not in name} == spoilt
     with pytest.warns(UserWarning, match=rf"{named}is damaged, and made again"):
         driven = compare(GRID[:1]).runs_driven
     assert driven == (2 if damage == "no run" else 1)
-    assert {name: text for name, text in files(here / "out").items() if "report" not in name} == whole
+    assert files(here / "out") == whole
 
 
 def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
@@ -218,9 +212,9 @@ def row(planner="a", course="oval", speed=8.0, seed=0, sha256=None, **figures):
     none = {"success": True, "end_reason": "finished", "finished": True, "laps_completed": 1, "laps_requested": 1,
             "best_lap_s": 9.0, "mean_lap_s": 9.5, "max_slide_m_s": 0.01, "slide_time_fraction": 0.0,
             "least_clearance_m": 0.3, "wrong_way_time_s": 0.0}  # fmt: skip
-    place = {"planner": planner, "course": course, "max_speed": speed, "seed": seed}
+    place = {"planner": planner, "assist": "none", "course": course, "max_speed": speed, "seed": seed}
     return RunRow(key=f"{planner} {seed}", place=place, setup={}, course_sha256="", origins=(Origin(sha256=None),),
-                  cars=(CarFigures(planner=planner, **(none | figures)),), trajectory_sha256=sha256 or str(seed))
+                  car=CarFigures(**(none | figures)), trajectory_sha256=sha256 or str(seed))
 
 
 CRASH = {"success": False, "end_reason": "crash", "best_lap_s": None, "mean_lap_s": None, "collisions": 1,
@@ -230,15 +224,15 @@ CRASH = {"success": False, "end_reason": "crash", "best_lap_s": None, "mean_lap_
 def test_a_cell_sums_up_the_runs_of_a_planner_on_a_course():
     last = CRASH | {"best_lap_s": 2.0, "mean_lap_s": 2.0, "least_clearance_m": 0.0, "wrong_way_time_s": None,
                     "slide_time_fraction": None}  # fmt: skip
-    (cell, other) = Comparison.make_cells([row(best_lap_s=9.0, mean_lap_s=12.0, wrong_way_time_s=1.0,
+    (cell, other) = cells_of([row(best_lap_s=9.0, mean_lap_s=12.0, wrong_way_time_s=1.0,
                                                slide_time_fraction=0.5), row("b", **CRASH),
             row(seed=1, best_lap_s=11.0, mean_lap_s=12.0, least_clearance_m=0.2, wrong_way_time_s=0.5,
                 max_slide_m_s=0.4), row(seed=2, **last), row(seed=3, best_lap_s=14.0, mean_lap_s=15.0)])  # fmt: skip
-    expected = {"planner": "a", "course": "oval", "runs": 4, "successes": 3, "end_reasons": "1 crash, 3 finished",
+    expected = {"planner": "a", "course": "oval", "runs": 4, "successes": 3, "ends": "1 crash, 3 finished",
                 "laps_completed": 3, "laps_requested": 4, "collisions": 1, "best_lap_s": 11.0, "mean_lap_s": 13.0,
                 "least_clearance_m": 0.0, "wrong_way_time_s": 1.5, "max_slide_m_s": 0.4,
                 "slide_time_fraction": pytest.approx(0.5 / 3), "best_lap_s_of": 3, "best_lap_s_q25": 10.0,
-                "best_lap_s_q75": 12.5, "won": None}  # fmt: skip
+                "best_lap_s_q75": 12.5, "score": None}  # fmt: skip
     assert {name: cell[name] for name in expected} == expected  # 9, 11 and 14 s of the successes
     assert (cell["successes_low"], cell["successes_high"]) == wilson(3, 4)
     found = [other[name] for name in ("planner", "best_lap_s", "best_lap_s_of", "best_lap_s_q25")]
@@ -248,73 +242,104 @@ def test_a_cell_sums_up_the_runs_of_a_planner_on_a_course():
 def test_runs_in_other_conditions_are_other_cells_whatever_the_conditions_are():
     rows = [row(seed=seed) for seed in range(4)]
     rows = [replace(each, place={**each.place, "lidar_noise": 0.01 * (seed % 2)}) for seed, each in enumerate(rows)]
-    assert [(cell["lidar_noise"], cell["runs"]) for cell in Comparison.make_cells(rows)] == [(0.0, 2), (0.01, 2)]
+    found = [(cell["lidar_noise"], cell["runs"]) for cell in cells_of(rows)]
+    assert found == [(0.0, 2), (0.01, 2), ("all", 4)]
+
+
+def test_what_is_of_several_courses_has_counts_and_no_lap_times():
+    rows = [row(course=course, seed=seed, best_lap_s=lap) for course, lap in (("oval", 9.0), ("fast", 30.0))
+            for seed in (0, 1)]  # fmt: skip
+    *of_courses, of_all = cells_of(rows)
+    assert [cell["best_lap_s"] for cell in of_courses] == [9.0, 30.0]
+    assert (of_all["course"], of_all["successes"], of_all["best_lap_s"], of_all["mean_lap_s"]) == ("all", 4, None, None)
+
+
+def test_the_ranking_is_by_assist_first_and_then_by_the_score():
+    """A driver at half the pace of another one that gets round, too, has half its score."""
+    rows = [row(planner, course=course, best_lap_s=lap, bound_s=8.0, time_s=lap, completion=1.0)
+            for planner, lap in (("slow", 20.0), ("quick", 10.0)) for course in ("oval", "fast")]  # fmt: skip
+    rows += [replace(each, place={**each.place, "assist": "full"}) for each in rows]
+    found = [(cell["assist"], cell["planner"], cell["score"]) for cell in cells_of(rows) if cell["course"] == "all"]
+    assert found == [("full", "quick", 80.0), ("full", "slow", 40.0), ("none", "quick", 80.0), ("none", "slow", 40.0)]
+    assert list(table_of(cells_of(rows)).header[:2]) == ["planner", "assist"]
+
+
+@each("given, score", [({"completion": 0.5, "laps_requested": 2, "time_s": 10.0}, 40.0),  # a lap, at 10 s
+                       ({"completion": 0.75, "laps_requested": 2, "best_lap_s": 4.0, "time_s": 90.0}, 75.0),
+                       ({"completion": 0.0, "laps_requested": 1, "time_s": 0.0}, 0.0)])  # fmt: skip
+def test_a_score_is_the_way_times_the_bound_over_the_own_lap(given, score):
+    assert CarFigures(end_reason="crash", bound_s=8.0, **given).score == pytest.approx(score)
+    assert CarFigures(end_reason="crash", **given).score is None
+
+
+def test_no_car_beats_the_bound_of_a_lap():
+    circuit = fg.Setup.of("oval", max_speed=3.0)
+    assert 0.8 * fg.load_track("oval").length / 3.0 < lap_bound(circuit) < fg.race(circuit).car.lap_times_s[1]
+    scene = fg.Setup.of("scene:dead_end:1", max_speed=3.0)
+    way = fg.load_track("scene:dead_end:1").length
+    assert lap_bound(scene) == pytest.approx(way / 3.0 + 1.5 / CAR.max_acceleration)
 
 
 def test_of_one_run_or_of_copies_of_it_there_are_no_intervals_and_no_quartiles():
     """Twelve runs that are alike are one: ten of ten is no interval from 72 to 100 %."""
     copies = [row(each, seed=seed, sha256="same") for each in ("a", "b") for seed in range(12)]
     for rows in (copies[::12], copies):
-        for cell in Comparison.make_cells(rows):
+        for cell in cells_of(rows):
             assert (cell["successes_low"], cell["successes_high"]) == (None, None)
             assert (cell["best_lap_s"], cell["best_lap_s_q25"], cell["best_lap_s_q75"]) == (9.0, None, None)
-        (found,) = Comparison.differences_of.of(rows)
-        assert [found[name] for name in found if name.endswith(("_low", "_high"))] == [None] * 4
-        assert "| b       | a             |" in Comparison.differences_of.table([found]).markdown()
 
 
-def test_differences_are_within_pairs_of_runs():
-    """Of what hard seeds do to both planners nothing is left: each is 0.5 s slower than the reference."""
-    laps = [9.0, 14.0, 21.0, 9.5, 30.0, 12.0]
-    rows = [row(seed=seed, best_lap_s=lap) for seed, lap in enumerate(laps)]
-    rows += [row("b", seed=seed, best_lap_s=lap + 0.5) for seed, lap in enumerate(laps)]
-    rows += [row("b", seed=6, best_lap_s=99.0), row(seed=7), row(seed=8), row("b", seed=8, **CRASH)]
-    (found,) = Comparison.differences_of.of(rows)
-    assert (found["planner"], found["reference"], found["course"]) == ("b", "a", "all")
-    assert (found["pairs"], found["successes"], found["reference_successes"]) == (7, 6, 7)  # seeds 6, 7 have one run
-    assert found["difference"] == pytest.approx(-1 / 7)
-    assert [found[f"best_lap_s_{end}"] for end in ("pairs", "difference", "difference_low", "difference_high")] == [
-        6, 0.5, 0.5, 0.5
-    ]  # fmt: skip
-    line = " ".join(Comparison.differences_of.table([found]).markdown().splitlines()[2].split())
-    low, high = (round(100 * found[f"difference_{end}"]) for end in ("low", "high"))
-    assert line == f"| b | a | 7 | -14 | {low:+d} to {high:+d} | 6 | +0.50 | +0.50 to +0.50 |"
-    two = [row(planner, course, seed=seed) for planner in ("a", "b") for course in ("oval", "fast") for seed in (0, 1)]
-    assert [(each["course"], each["pairs"]) for each in Comparison.differences_of.of(two)] == [("all", 4), ("oval", 2),
-        ("fast", 2)]  # fmt: skip
-    assert Comparison.differences_of.table(()) is None
-
-
-def test_the_files_and_the_page_have_intervals_counts_and_differences(here):
-    pytest.importorskip("bokeh")
-    comparison = compare(GRID[:2])
+def test_the_files_say_the_assist_first_and_in_a_column_and_have_intervals_and_counts(here):
+    comparison = compare(GRID[:2], out="out")
     with open("out/table.csv", encoding="utf-8") as file:
         (first, _) = csv.DictReader(file)
     assert (first["successes_low"], first["successes_high"], first["best_lap_s_of"]) == ("", "", "0")  # two equal runs
-    with open("out/differences.csv", encoding="utf-8") as file:
-        (pair,) = csv.DictReader(file)
-    assert (pair["planner"], pair["reference"], pair["pairs"]) == (GRID[1], GRID[0], "2")
-    assert comparison.summary()["differences"][0]["pairs"] == 2
     text = (here / "out" / "table.md").read_text("utf-8")
-    assert text == comparison.markdown()
-    assert "Wilson's at 95 %" in text and "Newcombe's interval" in text and "compared with" in text
-    page = write_comparison_report("out", trust=True).read_text("utf-8")
-    for said in ("<th>of runs</th>", "Wilson&#x27;s", "Paired differences", "Newcombe"):
-        assert said in page
-    assert "Wilson" in comparison._repr_html_() and "Newcombe" in comparison._repr_html_()
+    assert text == comparison.markdown() and text.startswith("comparison: 4 runs, assist none\n")
+    assert text.splitlines()[2].split("|")[2].strip() == "assist" and "Wilson's at 95 %" in text
+    page = (here / "out" / "table.html").read_text("utf-8")
+    for said in ("<h1>comparison: 4 runs, assist none</h1>", ">assist</th>", "Wilson&#x27;s", "<svg", "controller ="):
+        assert said in page, said
+    assert "Wilson" in comparison._repr_html_() and "assist none" in comparison._repr_html_()
+
+
+def test_planners_are_compared_without_stages_unless_they_or_the_call_ask_for_some(here):
+    short = {"obstacles": 0, "seed": 0, "time_limit": 0.2}
+    planners = ["gap_finder", "gap_finder[assist=grip]", "planners.py:Gentle"]
+    rows = compare(planners, **short).rows
+    assert [row.place["assist"] for row in rows] == ["none", "grip", "none"]
+    assert rows[0].trajectory_sha256 == fg.race("oval", laps=1, time_limit=0.2, assist="none").trajectory_sha256
+    both = compare(planners[::2], assist=["none", "full"], out="both", **short)
+    assert [row.place["assist"] for row in both.rows] == ["none", "full", "none"]
+    assert both.rows[1].trajectory_sha256 == fg.race("oval", laps=1, time_limit=0.2).trajectory_sha256
+    assert both.head == "comparison: 3 runs, assist none, full"
+
+
+def test_a_file_is_called_as_races_call_it_and_a_second_of_its_name_by_its_path(here):
+    for folder in ("maps", "others"):
+        (here / folder / "deep").mkdir(parents=True)
+        fg.export_track(fg.load_track("oval"), here / folder / "hall.yaml")
+    os.chdir(here / "maps" / "deep")
+    tracks = ["../hall.yaml", "../../others/hall.yaml"]
+    found = fg.compare(f"{here}/planners.py:Gentle", track=tracks, laps=1, time_limit=0.2, workers=1, out="out")
+    assert [row.place["course"] for row in found.rows] == ["hall", "../../others/hall.yaml"]
+    assert found.rows[0].place["course"] == fg.load_track("../hall.yaml").name
+    assert set(files(here / "maps" / "deep" / "out")) == {
+        "manifest.json", "runs.csv", "runs.jsonl", "table.csv", "table.html", "table.md"
+    }  # fmt: skip
 
 
 def test_each_friction_is_a_run_and_that_of_the_race(here):
     found = compare(["gap_finder", "gap_finder[lookahead=6]"], mu=[0.6, 1.0], obstacles=0, seed=0, time_limit=20.0)
     cells = {(cell["planner"], cell["mu"]): cell for cell in found.cells}
-    assert len(cells) == 4 and len(found.differences) == 3
+    assert len(cells) == 6  # of either friction, and of both
     for mu in (0.6, 1.0):
-        assert cells["gap_finder", mu]["best_lap_s"] == fg.race("oval", laps=1, mu=mu).car.lap_times_s[0]
-    assert found.differences[0]["best_lap_s_pairs"] == 2
+        alone = fg.race("oval", laps=1, mu=mu, assist="none", time_limit=20.0)
+        assert cells["gap_finder", mu]["best_lap_s"] == min(alone.car.lap_times_s, default=None)
 
 
 def test_a_scene_is_driven_once_with_each_seed():
-    comparison = compare(["gap_finder"], track="scene:corridor_sparse", obstacles=2, laps=3, pictures=True)
+    comparison = compare(["gap_finder"], track="scene:corridor_sparse", obstacles=2, laps=3)
     assert [row.place["course"] for row in comparison.rows] == ["scene:corridor_sparse"] * 2
     assert [row.place["seed"] for row in comparison.rows] == [0, 4]
     assert all(row.car.laps_requested == 1 for row in comparison.rows)
@@ -341,17 +366,8 @@ def test_the_command_is_the_function(here, capsys):
                           track=["oval", "l_corridor"], seed=[1, 2], max_speed=[4.0], obstacles=1, lidar_noise=0.01,
                           laps=1, mu=0.9, planner_mu=float("inf"), time_limit=0.3, workers=1, out="mine")  # fmt: skip
     assert files(here / "out") == files(here / "mine")
-    assert out == f"{expected.markdown()}\n8 runs; written to out\nmu 0.9; the planner has no limit\n"
+    assert out == f"{expected.markdown()}\n8 runs; page: out/table.html\nmu 0.9; the planner has no limit\n"
     assert "\x1b" not in err  # what planners print is there, and no progress
-
-
-def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_said(here, capsys, monkeypatch):
-    find = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
-    assert main(["compare", "--controller", "planners.py:Gentle", *SHORT]) == 0
-    assert install_command("plot") in capsys.readouterr().err
-    assert (here / "out/table.md").exists()
-    assert not (here / "out/table.png").exists()
 
 
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
@@ -370,3 +386,59 @@ def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     found = len((here / "out/runs.jsonl").read_text().splitlines())
     assert 0 <= found < 20  # the line may just be on its way
     assert main(["compare", *arguments, "--json", "--seed", f"0:{found + 1}"]) == 0
+
+
+# suites
+
+
+@pytest.fixture
+def suite(here):
+    (here / "small.toml").write_text(SUITE)
+    return "small.toml"
+
+
+def test_a_study_of_a_suite_has_the_runs_of_races_and_their_scores(suite):
+    found = study(suite, "straight", scored=True, out="out", workers=1)
+    alone, guided = found.rows[0], found.rows[4]
+    race = fg.race("oval", "straight", laps=1, max_speed=3.0, assist="none")
+    assert alone.trajectory_sha256 == race.trajectory_sha256
+    driven = race.car.column("progress_m")[-1] / race.world.track.length
+    assert (alone.car.end_reason, alone.car.collisions) == ("crash", 1)
+    assert alone.car.completion == pytest.approx(driven) and driven < 0.5
+    lap = fg.race("oval", "straight", laps=1, max_speed=3.0).car.lap_times_s[0]
+    assert (guided.place["assist"], guided.car.best_lap_s, guided.car.completion) == ("full", lap, 1.0)
+    assert guided.car.score == pytest.approx(100.0 * lap_bound(fg.Setup.of("oval", max_speed=3.0)) / lap)
+    scores = {(cell["assist"], cell["group"]): cell["score"] for cell in found.cells if cell["course"] == "all"}
+    groups = [np.mean([row.car.score for row in found.rows if row.place["group"] == name
+                       and row.place["assist"] == "full"]) for name in ("circuits", "boxes")]  # fmt: skip
+    assert scores["full", "all"] == pytest.approx(np.mean(groups))
+    assert scores["full", "circuits"] == pytest.approx(groups[0])
+
+
+def test_a_study_is_the_same_again_in_other_processes(suite, here):
+    for count in (1, 2):
+        study(suite, "follow_the_gap", scored=True, out=f"out{count}", workers=count)
+    assert files(here / "out1") == files(here / "out2")
+
+
+def test_bench_is_the_study_of_the_bundled_suite_with_scores(suite, here, capsys):
+    assert main(["bench", "planners.py:Goes", "--suite", suite, "--workers", "1", "--out", "card", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["suite"], found["version"], found["runs"]) == ("small", 2, 4)  # one that has no stages: once
+    assert {cell["assist"] for cell in found["table"]} == {"none"} and found["table"][-1]["score"] > 0.0
+    assert main(["study", suite, "planners.py:Goes", "--out", "card"]) == 2  # which has no scores
+    assert "accepted" in capsys.readouterr().err
+
+
+def test_a_name_of_a_planner_is_text_on_the_page_and_why_it_failed_stands_there(suite, here):
+    name = "a <b>.py"
+    (here / name).write_text("def broken(scan, odometry):\n    raise ValueError('boom <i>')\n")
+    found = study(suite, name, out="out", workers=1)
+    page = (here / "out/table.html").read_text()
+    assert "<b>.py" not in page and "boom &lt;i&gt;" in page and "boom" in found.rows[0].car.message
+
+
+def test_a_planner_that_ends_its_process_ends_no_more_than_its_runs(here, capsys):
+    (here / "small.toml").write_text(SUITE[: SUITE.index('[[groups]]\nname = "boxes"')])
+    assert main(["bench", "planners.py:Deadly", "--suite", "small.toml", "--workers", "2"]) == 1
+    assert "planners.py:Deadly" in capsys.readouterr().out
