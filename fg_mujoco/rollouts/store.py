@@ -118,22 +118,17 @@ class StudyFolder:
             return manifest
 
     def rows(
-        self,
-        name: str,
-        read: Callable[[dict[str, Any]], tuple[_Key, _Row]],
-        *belongs: Any,
-        repair: bool = True,
+        self, name: str, read: Callable[[dict[str, Any]], tuple[_Key, _Row]], *belongs: Any
     ) -> Rows[_Key, _Row]:
-        """Return the finished rows of a file of this folder, which is open.
+        """Return the finished rows of a file of this folder, which is open; damaged ones are dropped, with a warning.
 
         Args:
           name: of the file; one that is not there has no rows.
           read: makes a key and a row of a line's values; raises an error for those that are damaged.
           belongs: what the rows belong to besides the study.
-          repair: whether to warn of damaged lines, and drop them from the file, or to raise an error.
 
         Raises:
-          RunFolderError: it cannot be read or written, or a line is damaged.
+          RunFolderError: it cannot be read or written.
         """
         rows: Rows[_Key, _Row] = Rows(self.folder / name, (*belongs, self.digest))
         with blame(rows.path, f"as `{self._command}` wrote it"):
@@ -145,12 +140,10 @@ class StudyFolder:
                         key, row = read(unsealed(json.loads(line), *rows.belongs))
                         rows[key], rows.lines[key] = row, line + b"\n"
                 except RunFolderError as error:
-                    if not repair:
-                        raise
                     warn_damaged(error)
                 else:
                     kept.append(line + b"\n")
-            if repair and b"".join(kept) != content:
+            if b"".join(kept) != content:
                 write_file(rows.path, b"".join(kept))
             return rows
 

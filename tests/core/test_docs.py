@@ -36,7 +36,6 @@ ONLY_IMPORTED = {
 NEEDS = {
     "docs/maps.md": ("PIL", "yaml", "scipy"), "docs/api/tracks.md": ("PIL", "yaml", "scipy"),
     "docs/addons/learn/api.md": ("pettingzoo",), "docs/api/rendering.md": ("matplotlib", "PIL"),
-    "docs/addons/arena/api.md": ("matplotlib",),
 }  # fmt: skip
 
 ENTRY_POINT_GROUPS = {  # names for other packages, not modules

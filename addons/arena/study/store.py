@@ -135,16 +135,13 @@ class RunsFolder(StudyFolder):
     def __init__(self, folder: str | Path) -> None:
         super().__init__(folder, title="study", command="study")
 
-    def read(self, *, repair: bool) -> None:
-        """Read the rows of a folder that is open, and compare each with its checksum.
-
-        Args:
-          repair: whether to warn of damaged runs, and drop them, or to raise an error.
+    def read(self) -> None:
+        """Read the rows of a folder that is open, and compare each with its checksum; damaged ones are dropped.
 
         Raises:
-          RunFolderError: it cannot be read or written, or a run in it is damaged.
+          RunFolderError: it cannot be read or written.
         """
-        self.runs = self.rows(RUNS, lambda values: ((row := RunRow.of(values)).key, row), repair=repair)
+        self.runs = self.rows(RUNS, lambda values: ((row := RunRow.of(values)).key, row))
 
     def keep(self, run: Run, row: RunRow) -> None:
         """Keep the row of a run.
@@ -189,7 +186,7 @@ def drive_study(
     folder = RunsFolder(out)
     with claimed(folder):
         folder.open(settings, versions())
-        folder.read(repair=True)
+        folder.read()
         missing = [run for run in runs if run.key not in folder.runs]
 
         def tell(driven: int, elapsed: float) -> None:
