@@ -90,6 +90,7 @@ LINES = [
     # arena
     ("study small.toml gap_finder gap_finder", "planner gap_finder is given twice; accepted: one or more, each once"),
     ("study small.toml broken.py:Planner", "No module named 'nothing_there'"),
+    ("bench straight --suite duels.toml", "suite duels is of duels; accepted: one of planners alone, for scores"),
     ("study small.toml gap_findr", "did you mean 'gap_finder'?"),
     ("race --laps 1 --opponents nobody", "car_1: controller 'nobody'"),
     (f"{BESIDE} --opponent-max-speed 1 --opponent-max-speed 2", "given 2 times for 1"),
@@ -161,6 +162,7 @@ def filled(tmp_path_factory):
     (folder / "params.yaml").write_text("m: 3.5\n")
     for name in ("small.toml", "card/card.json"):
         (folder / name).write_text(SUITE)
+    (folder / "duels.toml").write_text(GROUP)
     (folder / "broken.py").write_text("import nothing_there\n\nclass Planner: pass\n")
     entries = ('controller = "gap_finder"\nstart_s = 1.0', 'controller = "pure_pursuit"')
     (folder / "starts.toml").write_text("".join(f"[[entries]]\n{entry}\n\n" for entry in entries))

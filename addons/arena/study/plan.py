@@ -39,10 +39,13 @@ def plan(suite: Suite, planners: Sequence[str], *, every: int = 1, scored: bool 
       scored: whether rows have the bound of a lap, of which scores are made.
 
     Raises:
-      SettingsError: a planner that is given twice, or is an object; a course with too little room.
+      SettingsError: a planner that is given twice, or is an object; a course with too little room; scores of duels or
+        checks.
       TrackError, ControllerError: what cannot be loaded.
     """
     require_whole("every", every, 1)
+    if scored and suite.kind != "alone":
+        raise SettingsError(f"suite {suite.name} is of {suite.kind}; accepted: one of planners alone, for scores")
     texts, loaded = [_text(each) for each in planners], Loaded()
     if suite.kind == "checks":
         if every > 1:
