@@ -92,7 +92,7 @@ def verdicts(lab, planner):
        ("no_fault", "least_progress_m = 1", AMONG, "mine.py:Steady[speed=0.8]", "mine.py:Steady[speed=4]",
         "1 of 1 contacts: ran into the car ahead")])  # fmt: skip
 def test_each_check_has_a_planner_that_passes_and_one_that_trips_it(kind, own, drive, good, bad, measured):
-    text = f"[[checks]]\ncheck = '{kind}'\npoints = 3\n{own}\n{drive}\n"
+    text = f"assists = ['full']\n[[checks]]\ncheck = '{kind}'\npoints = 3\n{own}\n{drive}\n"
     Path("lab.toml").write_text(text)
     ((points, passed),), ((_, tripped),) = verdicts("lab.toml", good), verdicts("lab.toml", bad)
     assert points == 3.0 and passed.passed, passed.measured
