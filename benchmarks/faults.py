@@ -358,6 +358,24 @@ FAULTS = {
         new="completion=1.0",
         tests="test_study.py",
     ),
+    "a score in which a slow car is as good as a quick one": Fault(
+        file="addons/arena/runs/run.py",
+        old="self.completion * min(self.bound_s / own, 1.0)",
+        new="self.completion",
+        tests="test_study.py",
+    ),
+    "lap times whose median mixes tracks": Fault(
+        file="addons/arena/study/tables.py",
+        old='won = [run for run in runs if run["success"] and not several]',
+        new='won = [run for run in runs if run["success"]]',
+        tests="test_study.py",
+    ),
+    "a comparison that drives planners with all stages": Fault(
+        file="addons/arena/study/functions.py",
+        old="(ASSIST if base.first.assist == _OF_A_RACE else base.first.assist)",
+        new="base.first.assist",
+        tests="test_study.py",
+    ),
     "a wrong way that is told of a car that stands": Fault(
         file="addons/arena/runs/run.py",
         old="np.diff(progress) < -WRONG_WAY_SPEED * ticks",

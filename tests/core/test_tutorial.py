@@ -96,7 +96,7 @@ def test_the_second_planner_laps(ran):
 
 
 def test_the_comparison_is_as_the_text_says(ran):
-    cells = {(cell["planner"], cell["course"]): cell for cell in ran[0]["comparison"].cells}
+    cells = {(cell["planner"], cell["course"]): cell for cell in ran[0]["comparison"].cells if cell["course"] != "all"}
     assert all(cells["gap_finder", course]["successes"] == 1 for course in ("oval", "chicanes", "hairpins"))
     mine = {course: cell["successes"] for (planner, course), cell in cells.items() if "Deepest" in planner}
     assert mine == {"oval": 1, "chicanes": 1, "hairpins": 0}
