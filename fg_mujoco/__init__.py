@@ -5,7 +5,7 @@
     result = fg.race(fg.load_track("oval"), controller="gap_finder", laps=5)
     print(result.car.lap_times_s, result.car.max_slide_m_s)
 
-What loads slowly (trimesh, matplotlib) is imported where it is used.
+What loads slowly (matplotlib) is imported where it is used.
 """
 
 from importlib import import_module as _import_module

@@ -8,7 +8,7 @@ that is seen and the solids that are hit both come from `wall_prisms`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 from ..errors import SettingsError
 from ..messages import FloatArray
 from .polyline import crossings, segments, step_lengths, steps, turns
-
-if TYPE_CHECKING:
-    import trimesh
 
 Surface = tuple[FloatArray, NDArray[np.intp]]
 """Vertices (v, 3) [m] and triangles (t, 3) of a mesh, normals outward."""
@@ -75,14 +72,6 @@ def wall_prisms(track: Walled, height: float = WALL_HEIGHT, thickness: float = W
     feet = np.concatenate((left, right, *(wall_footprints(island, thickness) for island in track.islands)))
     ground = np.zeros((*feet.shape[:2], 1))
     return np.concatenate((np.dstack((feet, ground)), np.dstack((feet, ground + height))), axis=1)
-
-
-def wall_mesh(track: Walled, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> trimesh.Trimesh:
-    """Return all walls as one mesh, that of `wall_surface`. Arguments and errors as `wall_prisms`."""
-    import trimesh  # heavy, and a world can do without
-
-    vertices, faces = wall_surface(track, height, thickness)
-    return trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
 
 
 def wall_surface(track: Walled, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> Surface:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import Remade, Uncopied
 from ..display import brief
-from ..errors import MissingExtraError, SettingsError, accepted_names
+from ..errors import SettingsError, accepted_names, missing_extra
 from ..simulation.simulation import Simulation
 from .actions import action_names
 from .environment_settings import EnvironmentSettings
@@ -40,10 +40,9 @@ try:
     from dm_control.rl import control
     from dm_env import specs
 except ImportError as error:
-    raise MissingExtraError(
-        f"dm_env environments need dm-control, which cannot be imported here ({error}); accepted: Python 3.10 to 3.12, "
-        "where it is installed with this package, or Gymnasium's and PettingZoo's environments on any Python"
-    ) from error
+    needs = f"dm_env environments need dm-control, on Python 3.10 to 3.12 ({error})"
+    raise missing_extra(needs, "dm-control") from error
+
 
 def _forget_absent_arrays() -> None:
     """Take from dm_control's tables the arrays that this MuJoCo lacks: 1.0.50 names nine that 4.0 has no more."""

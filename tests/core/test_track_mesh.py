@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fg_mujoco.course.track import Track
-from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
+from fg_mujoco.course.track_mesh import wall_prisms, wall_surface
 
 
 def track_of(line, width=1.0):
@@ -35,7 +36,7 @@ def test_walls_of_a_square_are_two_frames_of_four_pieces(square):
 
 
 def test_mesh_of_a_square_is_closed_but_for_its_underside(square):
-    mesh = wall_mesh(square, 0.4, 0.1)
+    mesh = trimesh.Trimesh(*wall_surface(square, 0.4, 0.1), process=False)
     assert len(mesh.faces) == 8 * 6  # front, back and top; no ends, for the pieces meet
     faces = mesh.triangles
     up = mesh.face_normals[:, 2] > 0.9

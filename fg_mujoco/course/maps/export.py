@@ -6,6 +6,7 @@ export_track(load_track("oval"), "oval.glb")
 
 from __future__ import annotations
 
+import importlib.util
 import io
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,14 +15,14 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import SettingsError, TrackError
+from ...errors import SettingsError, TrackError, missing_extra
 from ...messages import FloatArray
 from ..centreline_csv import centreline_text
 from ..course import Course
 from ..documents import comment
 from ..polyline import enclosed_area
 from ..track import Track
-from ..track_mesh import wall_mesh
+from ..track_mesh import wall_surface
 from ..writing import write_files
 from .map_server import RESOLUTION, image_line, require_maps_extra
 from .walls import outlines
@@ -44,6 +45,16 @@ def require_track(course: Course) -> Track:
     if not {"centreline", "width_right", "width_left"} <= set(course.definition):
         raise TrackError(f"{course.name!r} has no centreline with widths that a file could hold; accepted: a track")
     return cast(Track, course)
+
+
+def require_trimesh() -> None:
+    """Make sure that meshes can be written.
+
+    Raises:
+      MissingExtraError: trimesh is not installed; the message has the command that installs it.
+    """
+    if importlib.util.find_spec("trimesh") is None:
+        raise missing_extra("meshes of walls need trimesh", "meshes")
 
 
 def exported_files(path: str | Path) -> tuple[Path, ...]:
@@ -69,7 +80,7 @@ def export_track(track: Track, path: str | Path, *, resolution: float = RESOLUTI
       resolution: of a map, side of a pixel [m].
 
     Raises:
-      MissingExtraError: a map, and the extra `maps` is not installed.
+      MissingExtraError: a map, and the extra `maps` is not installed; a mesh, and `meshes` is not.
       SettingsError: another suffix, or a resolution that is not positive.
       TrackError: a file that cannot be written; a resolution at which walls or ways would vanish.
     """
@@ -100,7 +111,11 @@ def _contents(track: Track, files: tuple[Path, ...], resolution: float) -> dict[
         require_maps_extra()
         free, origin = occupancy_image(track, resolution)
         return dict(zip(files, _map_files(track, files[1].name, free, resolution, origin), strict=True))
-    mesh = wall_mesh(track)
+    require_trimesh()
+    import trimesh  # heavy
+
+    vertices, faces = wall_surface(track)
+    mesh = trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
     if suffix == ".glb":
         mesh.apply_transform(_Y_UP)
     exported: Any = mesh.export(file_type=suffix[1:])  # text or bytes, as the format wants
