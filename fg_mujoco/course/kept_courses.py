@@ -23,7 +23,8 @@ from .course import Course
 from .files import noting_files, state_of
 
 _SOURCES = ("course", "simulation/world.py", "simulation/cars.py", "vehicle/bodywork.py")
-_VERSIONS = {"numpy": "version.py", "scipy": "version.py", "PIL": "_version.py"}  # files of packages that read maps
+_VERSIONS = {"numpy": "version.py", "scipy": "version.py", "skimage": "__init__.py", "PIL": "_version.py"}
+"""Packages that read maps, and the file of each that has its version."""
 
 _Read = tuple[bytes, dict[str, str], list[tuple[str, bool]]]
 """A course, pickled; the states of the files by path; the warnings, and whether each is a note."""

@@ -45,7 +45,7 @@ def bare(monkeypatch):
         (require_encoder, "render", "videos need ffmpeg"),
         (require_bokeh, "report", "report pages need Bokeh"),
         (require_viser, "live", "the live view in a browser needs viser"),
-        (require_maps_extra, "maps", "ROS maps need Pillow, PyYAML and SciPy"),
+        (require_maps_extra, "maps", "ROS maps need Pillow, PyYAML, SciPy and scikit-image"),
         (require_trimesh, "meshes", "meshes of walls need trimesh"),
         (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
         (require_cyclonedds, "ros2", "a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy"),

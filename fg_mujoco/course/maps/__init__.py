@@ -2,8 +2,7 @@
 
 map_server   reads the YAML and the image: which pixels are free
 region       finds the region that is raced on
-closing      closes holes in its walls on request
-walls        traces its walls
+walls        traces its walls, and closes holes in them on request
 centreline   finds a line round it, or through it
 map_track    makes a track or a scene of these
 export       writes a track to a file

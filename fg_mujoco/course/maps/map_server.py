@@ -143,8 +143,8 @@ def require_maps_extra() -> None:
     Raises:
       MissingExtraError: a part is not installed; the message has the command that installs it.
     """
-    if any(importlib.util.find_spec(name) is None for name in ("PIL", "yaml", "scipy")):
-        raise missing_extra("ROS maps need Pillow, PyYAML and SciPy", "maps")
+    if any(importlib.util.find_spec(name) is None for name in ("PIL", "yaml", "scipy", "skimage")):
+        raise missing_extra("ROS maps need Pillow, PyYAML, SciPy and scikit-image", "maps")
 
 
 def read_map_file(

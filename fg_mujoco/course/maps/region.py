@@ -23,12 +23,11 @@ from numpy.typing import NDArray
 
 from ...errors import TrackError
 from ...messages import FloatArray
-from ..polyline import enclosed_area, step_lengths
+from ..polyline import enclosed_area, is_inside, step_lengths
 from ..scene import BEHIND, BEYOND
 from .centreline import MedialAxis, medial_axis
-from .closing import Hole, close_holes, find_hole
 from .map_server import SPECK, BoolArray, OccupancyMap
-from .walls import outlines
+from .walls import Hole, find_hole, outlines
 
 SHORTEST_LAP = 9.0
 """[m] A shorter loop is no course but the way round an obstacle: the car at full lock goes round in 4.7 m."""
@@ -156,12 +155,8 @@ def pixels_within(free: BoolArray, holes: list[FloatArray]) -> tuple[NDArray[np.
 
 
 def encloses(loop: FloatArray, point: FloatArray) -> bool:
-    """Return whether a closed polyline (n, 2) goes round a point (2,): a ray from it crosses an odd number of times."""
-    a, b = loop, np.roll(loop, -1, axis=0)
-    x, y = point
-    straddles = (a[:, 1] > y) != (b[:, 1] > y)
-    a, b = a[straddles], b[straddles]
-    return bool(np.count_nonzero(a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]) > x) % 2)
+    """Return whether a closed polyline (n, 2) goes round a point (2,)."""
+    return bool(is_inside(point[None], [loop])[0])
 
 
 class _Region:
@@ -277,19 +272,20 @@ class _Region:
         """Return row and column, in the window, of a pixel of each hole."""
         return pixels_within(self.mask, [hole[:1] - self.corner[::-1] for hole in holes])
 
-    def ring(self) -> tuple[FloatArray, BoolArray]:
-        """Return the clearance, and which pixels have the largest hole as their nearest wall: a ring round it.
+    def ring(self) -> BoolArray:
+        """Return which pixels have the largest hole as their nearest wall: a ring round it.
 
         None is of the ring where there is no hole.
         """
         from scipy import ndimage
 
-        clearance, (row, column) = ndimage.distance_transform_edt(self.mask | self._beyond, return_indices=True)
-        clearance = np.where(self.mask, clearance, 0.0).astype(np.float32)
         if len(self.outlines) < 2:
-            return clearance, np.zeros_like(self.mask)
+            return np.zeros_like(self.mask)
         solid, _ = ndimage.label(~self.mask, _NEIGHBOURS)
-        return clearance, np.asarray(self.mask & (solid[row, column] == solid[self._pixels_within(self.outlines[1:2])]))
+        row, column = ndimage.distance_transform_edt(
+            self.mask | self._beyond, return_distances=False, return_indices=True
+        )
+        return np.asarray(self.mask & (solid[row, column] == solid[self._pixels_within(self.outlines[1:2])]))
 
     @property
     def extent(self) -> float:
@@ -360,8 +356,6 @@ class _Leak:
     """A course that reaches the image's border, and through which hole."""
 
     region: _Region
-    clearance: FloatArray  # of the region's pixels, as in `closing`
-    inside: BoolArray  # pixels of the region that are of the course for sure
     hole: Hole | None  # the widest; None: it is not known what is inside
     closed: float = 0.0  # [m] width of the widest hole that was closed before
 
@@ -373,8 +367,7 @@ class _Leak:
     def walled(self) -> OccupancyMap:
         """Return the map with a wall across each way out, where it is narrowest."""
         assert self.hole is not None
-        closed = close_holes(self.clearance, self.inside, self.region.border, self.hole.width)
-        return self.region.replaced(closed)
+        return self.region.replaced(self.hole.closed)
 
 
 def _look(occupancy: OccupancyMap, at: FloatArray | None) -> _Tight | _Leak:
@@ -386,12 +379,11 @@ def _look(occupancy: OccupancyMap, at: FloatArray | None) -> _Tight | _Leak:
     region = _leaking_course(regions)
     if region is None:
         return _Tight(regions=[region for region in regions if not region.leaks])
-    clearance, inside = region.ring()
+    inside = region.ring()
     if at is not None:
         inside[region.pixel(_require_free(occupancy, at))] = True
     known = inside.any() and not (inside & region.border).any()
-    hole = find_hole(clearance, inside, region.border) if known else None
-    return _Leak(region=region, clearance=clearance, inside=inside, hole=hole)
+    return _Leak(region=region, hole=find_hole(region.clearance, inside, region.border) if known else None)
 
 
 def _close(found: _Tight | _Leak, at: FloatArray | None, close: float) -> _Tight | _Leak:

@@ -1,20 +1,25 @@
-"""The walls of a map: the edge of a region of pixels, as closed polylines.
+"""The walls of a map: the edge of a region of pixels, as closed polylines, and the holes in them.
 
     outer, *holes = outlines(region)         # through the middle of each pixel's edge
     wall = trace(outer)                      # of few points, within TOLERANCE of it
+    hole = find_hole(clearance, inside, border)
 
-The polylines go through the middles of the edges between pixels of the region and other pixels, so that a slanted wall
-is a line and not stairs, as marching squares do (W. Lorensen, H. Cline, 1987). The region is to the left of each
-polyline. Pixels that meet at a corner only are not connected.
+The polylines are contours by marching squares (W. Lorensen, H. Cline, 1987): through the middles of the edges between
+pixels of the region and other pixels, so that a slanted wall is a line and not stairs. The region is to the left of
+each. Pixels that meet at a corner only are not connected.
+
+Corners are fitted to the outline: scikit-image's approximate_polygon leaves two to three times as many.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
 
 from ...messages import FloatArray
 from ..polyline import IndexArray, distance_to_segment, enclosed_area, self_crossings
+from .map_server import BoolArray
 
 TOLERANCE = 0.5
 """Greatest distance of a wall from the middle of a pixel's edge that it represents, in pixels."""
@@ -26,12 +31,10 @@ _SLACK = 1e-6  # [pixel] in comparisons with the tolerance
 _HALVINGS = 6  # of the tolerance, for what is smaller than it
 MOST_DENSE = 2000  # corners of a wall at most, whose equations are solved as a full matrix: of more it takes minutes
 _KEPT_AREA = 0.95  # of what an outline encloses, at least: obstacles of a few pixels stay as large as they are
-
-_STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # right, up, left, down: each turns left from the one before
-_FIRST_CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # of a pixel's lower, right, upper and left edge
+_TILT = 1e-4  # [pixel] less than clearances differ by: between two doors of one width, the room is not divided
 
 
-def outlines(region: NDArray[np.bool_]) -> list[FloatArray]:
+def outlines(region: BoolArray) -> list[FloatArray]:
     """Return the edges of a region of pixels, the longest first.
 
     Args:
@@ -41,42 +44,18 @@ def outlines(region: NDArray[np.bool_]) -> list[FloatArray]:
       Closed polylines (n, 2), columns and rows in pixels from the lower left corner: the region's outer edge is
       counterclockwise, its holes are clockwise.
     """
-    padded = np.pad(region, 1)
-    inside = padded[1:-1, 1:-1]
-    neighbours = (padded[:-2, 1:-1], padded[1:-1, 2:], padded[2:, 1:-1], padded[1:-1, :-2])
-    found = [np.argwhere(inside & ~beyond)[:, ::-1] for beyond in neighbours]
-    direction = np.repeat(np.arange(4), [len(pixels) for pixels in found])
-    start = np.concatenate(found) + _FIRST_CORNERS[direction]
-    end = start + _STEPS[direction]
-    following = _following(start, end, direction, region.shape[1] + 1).tolist()
-    middles = start + 0.5 * _STEPS[direction]
-    seen = np.zeros(len(start), dtype=bool)
-    loops = []
-    for first in range(len(start)):
-        if seen[first]:
-            continue
-        loop, edge = [first], following[first]
-        while edge != first:
-            loop.append(edge)
-            edge = following[edge]
-        seen[loop] = True
-        loops.append(middles[loop])
-    return sorted(loops, key=len, reverse=True)
+    from skimage.measure import find_contours
+
+    found = find_contours(np.pad(region, 1).astype(np.float64), 0.5)  # rows and columns of the pixels' middles
+    loops = [_from_lowest(loop[:-1, ::-1] - 0.5) for loop in found]
+    return sorted(loops, key=lambda loop: (-len(loop), *loop[0, ::-1]))
 
 
-def _following(
-    start: NDArray[np.intp], end: NDArray[np.intp], direction: NDArray[np.intp], width: int
-) -> NDArray[np.intp]:
-    """Return the index of the edge that begins where each ends: of two, the one to the left, at the same pixel."""
-    key = 4 * (start[:, 1] * width + start[:, 0]) + direction
-    order = np.argsort(key)
-    result = np.full(len(start), -1)
-    for turn in (-1, 0, 1):  # the leftmost that there is
-        wanted = 4 * (end[:, 1] * width + end[:, 0]) + (direction + turn) % 4
-        place = np.minimum(np.searchsorted(key[order], wanted), len(order) - 1)
-        there = key[order][place] == wanted
-        result[there] = order[place[there]]
-    return result
+def _from_lowest(loop: FloatArray) -> FloatArray:
+    """Return a loop from the lowest of the lower edges of pixels of the region on: walls depend on where it begins."""
+    x, y = loop.T
+    is_lower = (y % 1.0 == 0.0) & (np.roll(x, -1) > np.roll(x, 1))
+    return np.roll(loop, -np.lexsort((x, y, ~is_lower))[0], axis=0)
 
 
 def trace(outline: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
@@ -171,3 +150,37 @@ def _solved(row: IndexArray, column: IndexArray, value: FloatArray, right: Float
     from scipy.sparse.linalg import splu
 
     return np.asarray(splu(csc_array((value, (row, column)), shape=(count, count))).solve(right), np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hole:
+    """The narrowest place of the widest way out of an image. Lengths in pixels."""
+
+    width: float
+    row: int
+    column: int
+    closed: BoolArray  # (rows, columns) what stays free with a wall across each way out, where that is narrowest
+
+
+def find_hole(clearance: FloatArray, inside: BoolArray, border: BoolArray) -> Hole:
+    """Return the hole through which a course reaches the image's border.
+
+    The ground is divided between the inside and the border by the watershed of the clearance: each pixel goes to the
+    one of the two that it has the widest way to. The walls stand where they meet, and where that is widest is the hole.
+
+    Args:
+      clearance: distance to the nearest wall, 0 in walls, shape (rows, columns), row 0 below [pixel].
+      inside: which pixels are of the course for sure.
+      border: which are at the image's border, none of them inside.
+    """
+    from scipy import ndimage
+    from skimage.segmentation import watershed
+
+    room = np.where(inside, clearance.max(), clearance).astype(np.float64)
+    tilt = np.linspace(0.0, _TILT, room.size).reshape(room.shape)
+    parts = watershed(tilt - room, np.where(inside, 1, np.where(border, 2, 0)), mask=clearance > 0.0, connectivity=2)
+    within = parts == 1
+    gates = np.minimum(np.where(within, room, 0.0), ndimage.maximum_filter(np.where(parts == 2, room, 0.0), 3))
+    row, column = np.unravel_index(np.argmax(gates), gates.shape)
+    closed = (clearance > 0.0) & (within | ~ndimage.binary_dilation(within))
+    return Hole(width=2.0 * float(gates.max()), row=int(row), column=int(column), closed=closed)
