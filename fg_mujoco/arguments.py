@@ -44,7 +44,6 @@ def setting(default: Any, text: str, metavar: str, group: str, *, told: bool = F
     """Return a field of a dataclass of settings that the command line has as an option of its keyword.
 
     Args:
-      default: of the field.
       text: help of the option; `{names}` stands for the names that it takes, as `cli.options.NAMES` lists them.
       metavar: that stands for its value in the help; nothing: it is a flag.
       group: title in the help below which it stands.
@@ -59,10 +58,6 @@ def explained(function: _F, name: str = "") -> _F:
     """Return a function whose wrong arguments are refused in one line that names the right ones.
 
     NumPy's numbers become Python's: settings are checked to be those, and JSON has no others.
-
-    Args:
-      function: or the `__init__` or a method of a class, whose first parameter is `self`.
-      name: that the message gives it; nothing: its own.
     """
 
     @functools.wraps(function)
@@ -158,11 +153,7 @@ class Uncopied:
     """Base of what holds addresses of memory: a copy would write to the memory of the original, so there is none."""
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        """Refuse a copy, and pickling.
-
-        Raises:
-          ArgumentError: always; it is a TypeError.
-        """
+        """Refuse a copy, and pickling; ArgumentError: always; it is a TypeError."""
         said = f"{type(self).__name__} cannot be copied or pickled, for it holds addresses of memory"
         raise ArgumentError(f"{said}; accepted: another one, made in the same way")
 
@@ -201,11 +192,7 @@ def _made_again(kind: Any, args: tuple[Any, ...], named: dict[str, Any], since: 
 
 
 def with_underscores(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values by name, as a file of settings may spell the names: with hyphens.
-
-    Raises:
-      SettingsError: a name is there twice, with hyphens and without.
-    """
+    """Return values by name, hyphens in names as underscores; SettingsError: a name is there with both."""
     found: dict[str, Any] = {}
     for name, value in values.items():
         plain = name.replace("-", "_")

@@ -97,16 +97,7 @@ MOST_WHOLE = 2**63 - 1
 def require_whole(
     name: str, value: object, least: int, most: int = MOST_WHOLE, *, why: str = "", optional: bool = False
 ) -> None:
-    """Raise SettingsError unless a value is a whole number from `least` to `most`.
-
-    Args:
-      name: of the value, for the message.
-      value: what is looked at.
-      least: the least that is accepted.
-      most: the greatest.
-      why: there is a greatest one.
-      optional: whether None is accepted.
-    """
+    """Raise SettingsError unless a value is a whole number from `least` to `most`, or None where it is `optional`."""
     if optional and value is None:
         return
     above = isinstance(value, int) and value > most
@@ -117,10 +108,7 @@ def require_whole(
 
 
 def require_finite(message: object, *values: object, names: tuple[str, ...]) -> None:
-    """Raise MessageError unless all `values`, those of the fields `names` of `message`, are finite numbers.
-
-    Messages are made every tick: floats whose sum is finite are finite, which is quick to see.
-    """
+    """Raise MessageError unless all `values` of the fields `names` are finite: each tick, hence by their sum first."""
     if not ({*map(type, values)} <= {float} and math.isfinite(sum(values))):  # type: ignore[arg-type]
         require(message, math.isfinite, "a finite number", names, MessageError)
 

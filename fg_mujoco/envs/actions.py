@@ -66,10 +66,8 @@ class ActionBounds:
     """The bounds of actions, read off the car.
 
     Args:
-      car: of the compiled model.
       speed_range: least and greatest speed [m/s] that is commanded, within the car's; None: the car's.
       normalised: both parts are from -1 to 1, and mean from the least to the greatest.
-      action: what its parts are, as `as_action` takes it.
       smoothing: time constant of the filter [s]; 0: there is none.
       period: of a tick [s].
       residual: a Residual, whose planner the actions correct; None: they are the commands.
@@ -122,10 +120,6 @@ class ActionBounds:
 
 class ActionReader:
     """Converts the actions of n cars to commands, from tick to tick.
-
-    Args:
-      bounds: of the actions.
-      count: of cars, n.
 
     Attributes:
       bounds: as given.

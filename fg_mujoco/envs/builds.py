@@ -52,13 +52,7 @@ class Build:
 
 
 class BuildPlan:
-    """Settings of each build of an environment.
-
-    Args:
-      settings: of the environment.
-      randomization: what is drawn.
-      agents: cars that learn in each world.
-    """
+    """Settings of each build of an environment."""
 
     def __init__(self, settings: EnvironmentSettings, randomization: Randomization, agents: int) -> None:
         self._settings, self._agents, self._all = settings, agents, randomization.ranges
@@ -90,13 +84,7 @@ class BuildPlan:
         return {name: values.at(of[name]) for name, values in self._ranges.items()}
 
     def make(self, number: int, given: Mapping[str, Value]) -> Build:
-        """Return a build, with some values as given.
-
-        A random circuit that cannot be built, or that the car does not fit, is drawn again.
-
-        Raises:
-          TrackError, SettingsError: what is given cannot be driven, or nothing that was drawn.
-        """
+        """Return a build, with some values as given; TrackError or SettingsError where none can be driven."""
         for attempt in range(_TRIES):
             values = {**self.values(number, attempt), **given}
             try:
@@ -152,8 +140,6 @@ class Builds:
     """Makes the builds of a plan, ahead of their use in a thread of its own, and keeps those used last.
 
     Args:
-      plan: what each build is.
-      forget: called with the build that is kept no longer.
       worlds: that are driven, n. Twice as many builds are made ahead at most; the oldest that nobody asked for are
         dropped. Where each episode has a build of its own, n are kept, as none is used again.
     """
@@ -177,11 +163,7 @@ class Builds:
                 self._coming.pop(next(iter(self._coming))).cancel()
 
     def get(self, number: int, given: Mapping[str, Value] | None = None) -> Build:
-        """Return a build; wait for it where it is being made.
-
-        Raises:
-          TrackError, SettingsError: as BuildPlan.make.
-        """
+        """Return a build; wait for it where it is being made; TrackError, SettingsError: as BuildPlan.make."""
         key: Key = (number, tuple(sorted((given or {}).items())))
         build = self._kept.get(key)
         if build is None:

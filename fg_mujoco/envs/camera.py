@@ -26,11 +26,7 @@ _QUALITY = "draft"
 
 
 def read_camera(text: Any) -> tuple[int, int, str]:
-    """Return width and height [px] and the name of the view of a text such as "64x48" or "96x64:chase".
-
-    Raises:
-      SettingsError: another text.
-    """
+    """Return width and height [px] and the view of a text such as "96x64:chase"; SettingsError: another text."""
     found = re.fullmatch(r"([0-9]{2,4})x([0-9]{2,4})(?::(\w+))?", text) if isinstance(text, str) else None
     if found is None or not all(_SMALLEST <= int(pixels) <= _LARGEST for pixels in found.groups()[:2]):
         sizes = f"WIDTHxHEIGHT, {_SMALLEST} to {_LARGEST} pixels each"
@@ -41,16 +37,7 @@ def read_camera(text: Any) -> tuple[int, int, str]:
 
 
 class Cameras:
-    """Draws what the cameras of some cars see. A car that is not looked at has the picture from before.
-
-    Args:
-      engine: of the cars.
-      rows: of the cars among the engine's.
-      text: as `read_camera` takes it.
-
-    Attributes:
-      shape: of a picture: height, width, 3.
-    """
+    """Draws what the cameras of some cars see, pictures of a `shape`; of who does not look, the last one again."""
 
     def __init__(self, engine: Engine, rows: slice, text: str) -> None:
         width, height, self._view = read_camera(text)
@@ -59,11 +46,7 @@ class Cameras:
         self._renderers: OrderedDict[World, tuple[Renderer, mujoco.MjData]] = OrderedDict()
 
     def draw(self, which: Mask) -> Pictures:
-        """Return the pictures of all cars, new ones of `which` (n,). Shape (n, height, width, 3).
-
-        Raises:
-          MissingExtraError: no OpenGL; the message has the command that installs it.
-        """
+        """Return pictures, new ones of `which` (n,). Shape (n, height, width, 3); MissingExtraError: no OpenGL."""
         cars = sorted(np.flatnonzero(which).tolist(), key=lambda car: id(self._engine.world_of(self._world(car))))
         for car in cars:  # those of one World after each other
             i = self._world(car)

@@ -34,15 +34,9 @@ _TIRES = USERDATA * len(WHEELS)
 class Contacts:
     """The touches of all cars of an engine (r,), which end no race.
 
-    While an episode goes on, `crashed` of the engine says who began to touch something in the last tick: at least half
-    a second after it touched anything last, as with touches of cars.
-
-    Args:
-      engine: whose cars they are.
-      on_contact: "stop" or "continue".
+    `crashed` of the engine then says who began to touch something in the last tick, half a second after the last touch.
 
     Attributes:
-      number: of `on_contact`.
       counts: touches since the episode began (r,).
       touched_at: when a car touched something last, -inf: not yet (r,) [s].
       began: who began to touch something in the last tick (r,).
@@ -81,10 +75,7 @@ class Contacts:
 def take_contacts(
     table: Table, first: int, how: int, counts: NDArray[np.int64], touched_at: FloatArray, began: Mask
 ) -> None:
-    """Count new touches of the cars of some worlds, whose rows begin at `first`, stop them, and let their races go on.
-
-    `how` is a number in ON_CONTACT, the other arrays those of Contacts.
-    """
+    """Count new touches of cars whose rows begin at `first`, stop them (`how`, by ON_CONTACT), let them race on."""
     crashed, states, cars = flags(table[_CRASHED]), matrix(table[_STATES]), rows(table[_CARS], CAR)
     places, car_places = whole_numbers(table[_PLACES]), whole_matrix(table[_CAR_PLACES])
     layout, m = layout_of(places), len(car_places)

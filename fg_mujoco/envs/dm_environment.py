@@ -183,12 +183,6 @@ class Physics(Uncopied, dm_mujoco.Physics):  # type: ignore[misc]
 class CarTask(control.Task):  # type: ignore[misc]
     """Laps to be driven.
 
-    Args:
-      settings: of the environment.
-      physics: of its world.
-      rng: of starts and noise.
-      flat_observation: whether the environment makes one array of an observation.
-
     Attributes:
       episodes: the Episodes, of one world: `episodes.facts()` has what `info` of the Gymnasium environment has.
     """

@@ -20,16 +20,8 @@ def read_randomization(
 ) -> Randomization:
     """Return what an environment draws; a list of tracks is the range of the track.
 
-    Args:
-      given: as `randomize`.
-      track: of the settings.
-      settings: of the environment, whose other values are not to be drawn, too.
-      laps: of an episode.
-      opponents: how many are set.
-
     Raises:
-      SettingsError: a name that environments do not draw, a value that is also given for all episodes, or one that
-        cannot be had.
+      SettingsError: a name that environments do not draw, a value given for all episodes, too, or that cannot be had.
       TrackError: a course of the range, other than a random circuit, that cannot be built or does not fit the car.
     """
     if not isinstance(given, (Mapping, Randomization)):

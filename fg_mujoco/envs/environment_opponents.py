@@ -36,15 +36,7 @@ _ACCEPTED = (
 
 
 def as_entries(opponents: Any, own: CarSettings) -> tuple[Entry, ...]:
-    """Return the entries of opponents, each given in one of the ways that the message of the error lists.
-
-    Args:
-      opponents: a list of them.
-      own: the learning car; an opponent of which no car is said has the same.
-
-    Raises:
-      SettingsError: one is given in no such way, or with a setting that is not accepted.
-    """
+    """Return the entries of opponents, of whom one without a car has that of `own`; SettingsError: what is none."""
     if isinstance(opponents, (str, Mapping)) or not isinstance(opponents, Sequence):
         raise SettingsError(f"opponents is {shown(opponents)}; accepted: a list, each {_ACCEPTED}")
     return tuple(_as_entry(opponent, number, own) for number, opponent in enumerate(opponents, start=1))
@@ -71,17 +63,9 @@ def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
 
 
 class Opponents:
-    """Planners and policies that drive the opponents of n worlds, as Planners of an engine.
+    """Planners and policies that drive the last cars of each world: Planners of the `rows` (n, opponents) of an engine.
 
-    Args:
-      entries: of the opponents of each world.
-      engine: of the worlds; the opponents are the last cars of each.
-      settings: EnvironmentSettings, for what policies see and answer; they see nothing privileged.
-      period: of a tick [s].
-      states: of the engine's cars; None: no term looks at them.
-
-    Attributes:
-      rows: of the engine's cars that they drive, (n, opponents).
+    `settings` say what policies see and answer; they see nothing privileged.
 
     Raises:
       ControllerError: a planner that cannot be built.
@@ -123,11 +107,7 @@ class Opponents:
         self._of_each = PlannersOfEach([])
 
     def check(self, entries: Sequence[Entry]) -> None:
-        """Refuse entries that may be drawn and whose planner cannot be built.
-
-        Raises:
-          ControllerError: there is one.
-        """
+        """Refuse entries that may be drawn and whose planner cannot be built; ControllerError: there is one."""
         for entry in entries:
             self._build(int(self.rows[0, 0]), entry)
 
@@ -158,15 +138,7 @@ class Opponents:
     def begin(
         self, worlds: NDArray[np.bool_], seeds: Sequence[int], drawn: Sequence[Sequence[Entry]] | None = None
     ) -> None:
-        """Reset the planners of some worlds (n,), because an episode begins there.
-
-        Args:
-          worlds: (n,).
-          drawn: the entries that take part in each of them; None: all, as they are.
-
-        Raises:
-          ControllerError: one raises, or cannot be built.
-        """
+        """Reset the planners of some worlds (n,), with the entries `drawn` in each; ControllerError: one fails."""
         of_cars = np.array(seeds, np.uint64).reshape(int(np.count_nonzero(worlds)), -1)
         for rows, policy in self._policies:
             policy.begin(worlds, of_cars[:, rows[0] % of_cars.shape[1]].tolist())
@@ -184,25 +156,12 @@ class Opponents:
 
     @without_exit()
     def __call__(self, cars: Cars) -> Reasons | None:
-        """See Planners.
-
-        Raises:
-          MessageError: a policy answers no action. What a policy raises is not caught.
-        """
+        """See Planners; MessageError: a policy answers no action. What a policy raises is not caught."""
         return self._of_each(cars)
 
 
 class PolicyCars:
-    """The cars of a policy in some worlds: Planners that call it with the observation of each.
-
-    Args:
-      policy: as given.
-      number: of the opponent, for messages.
-      interface: of the policy.
-      observer: of the cars.
-      state: of the cars; None: no term of the observations looks at it.
-      planners: whose commands the policy corrects; None: it corrects none.
-    """
+    """The cars of a policy in some worlds: Planners that call it with the observation of each."""
 
     def __init__(
         self,

@@ -42,17 +42,7 @@ class EpisodeDraw:
 
 
 class EpisodeDraws:
-    """Draws the episodes of n worlds.
-
-    Args:
-      settings: of the environment.
-      count: how many worlds, n.
-      agents: cars that learn in each.
-      forget: called with a build that is kept no longer.
-
-    Attributes:
-      randomization: what is drawn.
-    """
+    """Draws the episodes of n worlds, of what `randomization` says."""
 
     def __init__(
         self, settings: EnvironmentSettings, count: int, agents: int, forget: Callable[[Build], None]
@@ -69,11 +59,7 @@ class EpisodeDraws:
     def begin(
         self, which: Sequence[int], generators: Sequence[np.random.Generator], given: Mapping[str, Any]
     ) -> list[EpisodeDraw]:
-        """Return what is drawn for the episodes that begin in the worlds `which`, with some values as given.
-
-        Raises:
-          TrackError, SettingsError: a course that is given, or all that are drawn for a build, cannot be driven.
-        """
+        """Return what is drawn for the episodes that begin in the worlds `which`; errors as of BuildPlan.make."""
         seeds, following = [], []
         for i in which:
             rng, ahead = generators[i], self._ahead[i]

@@ -55,26 +55,16 @@ on the foremost other car along the course, negative behind it."""
 class Episodes:
     """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
 
-    Args:
-      settings: of the environment.
-      worlds: of the episodes.
-
     Attributes:
       interface: what a policy sees and answers.
-      observer: of the cars that learn.
-      camera: on board of them; None: there is none.
-      actions: what converts their actions to commands.
+      observer, camera, actions: of the cars that learn; no camera: None.
       commands: of the last tick (n, 2) [rad, m/s].
       rewards: of the last step (n,).
-      terminated: whether a crash, a rollover, the last lap, unstable physics or an end condition that terminates has
-        ended the episode (n,).
-      terminates: whether each reason does, by its number.
-      truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition
-        that truncates has ended it (n,).
+      terminates: whether each reason terminates an episode, by its number; those of TRUNCATIONS do not.
       clipped: number of clipped actions of the episode (n,).
-      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; "contacts", the number of touches of walls and
-        obstacles, where these end nothing; of each reward term "reward_NAME", its part of
-        the last tick's reward, and "return_NAME", the sum of the episode; and "drawn_NAME" of what is randomised.
+      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; "contacts", touches where these end nothing; of
+        each reward term "reward_NAME", its part of the last tick's reward, and "return_NAME", the sum of the episode;
+        and "drawn_NAME" of what is randomised.
     """
 
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
@@ -180,13 +170,7 @@ class Episodes:
         start: Start | None = None,
         given: Mapping[str, Value] | None = None,
     ) -> None:
-        """Begin the episodes in the worlds `which`.
-
-        Args:
-          which: (n,), one for each world.
-          generators: of each of n worlds; those of the others are not touched.
-          start: of all of them; None: as the settings have it.
-          given: values in the place of those that are drawn, by name.
+        """Begin the episodes in the worlds `which` (n,); the generators of the others are not touched.
 
         Raises:
           SettingsError: a start in a wall or an obstacle.
@@ -228,25 +212,16 @@ class Episodes:
             self._drawn[f"drawn_{name}"][rows] = getattr(start, field) if owner is Start else draw.values[name]
 
     def randomize(self, ranges: Mapping[str, Any]) -> None:
-        """Draw from other ranges from the next reset of each world on; those of parameters not named stay.
-
-        Raises:
-          SettingsError: what cannot be drawn.
-        """
+        """Draw from other ranges from the next reset of each world on, as `F1TenthEnv.set_randomization`."""
         changed = Randomization({**self.worlds.randomization.ranges, **Randomization.of(ranges).ranges})
         self.worlds.randomize(changed)
         self._drawn = _drawn_facts(changed, len(self.rewards)) | self._drawn
         self._name_facts()
 
     def step(self, actions: ArrayLike, *, sense: bool = False) -> None:
-        """Take the actions (n, 2) in the worlds whose episodes go on; the other rows are ignored.
+        """Take the actions (n, 2) in the worlds whose episodes go on; MessageError: an action that is no number.
 
-        Args:
-          actions: see above.
-          sense: whether `observe` of all worlds follows at once, so that each thread may sense in the same go.
-
-        Raises:
-          MessageError: an action that is no number.
+        `sense`: `observe` of all worlds follows at once, so that each thread may sense in the same go.
         """
         self.tick(actions, sense=sense and self._repeats == 1)
         if self._repeats > 1:
@@ -283,20 +258,12 @@ class Episodes:
             self._look(worlds.tick_state)
 
     def command(self, actions: ArrayLike) -> None:
-        """Convert actions to commands.
-
-        Raises:
-          MessageError: an action that is no number.
-        """
+        """Convert actions to commands; MessageError: an action that is no number."""
         self.actions.refuse(compiled_step.act(self._table, self.actions.given(actions)))
         self.worlds.note(self.actions)
 
     def reward(self) -> None:
-        """End the episodes that a condition ends, and reward the tick that was driven.
-
-        Raises:
-          SettingsError: an end condition or a reward term returned something else than it should.
-        """
+        """End the episodes that a condition ends, and reward the tick; SettingsError: a function's wrong answer."""
         compiled_step.note(self._table, 0, len(self._driven))
         compiled_step.reward(self._table)
         if self.worlds.tick_state is not None:
@@ -330,12 +297,7 @@ class Episodes:
         self.worlds.stop(which)
 
     def observe(self, which: Mask, *, step: bool = True) -> Seen:
-        """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew.
-
-        Args:
-          which: see above.
-          step: whether a step is over, and not only a tick.
-        """
+        """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
         worlds, (scan, numbers) = self.worlds, self.observer.room()
         if worlds.engine.compiled and self._planners is None and len(worlds.engine.shares) == 1:
             share, odometry = worlds.engine.shares[0], worlds.odometry

@@ -64,27 +64,21 @@ class Observer:
     """Makes the observations of n cars.
 
     Args:
-      observation: what is observed.
       car: its limits; to read ObservationTerms, CarParameters.
-      beams: of its LiDAR.
       period: of a tick [s].
-      count: of cars, n.
       beam_step: every how many-th beam is seen of a `scan`, counted from the one straight ahead to both sides.
       sensors: that the car has besides; what each delivered last is a part of its name, and whether it has is another.
-      privileged: terms that are read into a second vector.
       actions: bounds of an action (2,), least and greatest.
       speed_range: of the commands [m/s]; None: the car's.
 
     Attributes:
-      count: as given.
       bounds: name -> Bounds, of one car's observation in its order; where it is one vector, Bounds.
       needs_every_tick: whether delays or noise go on from tick to tick, and not from step to step.
       bearings: of the beams that are seen (beams,) [rad].
       range_max: greatest distance that is seen [m].
 
     Raises:
-      SettingsError: more beams than there are, a step that leaves the beam straight ahead alone, a term with other
-        bounds than it may have, or a sensor with the name of another part.
+      SettingsError: beams that there are not, bounds that a term may not have, or two parts of one name.
     """
 
     def __init__(
@@ -169,10 +163,8 @@ class Observer:
           which: (n,) the cars that have sensed since the last call; the others' observations stay.
           ranges: of all beams (n, beams) [m], as in LaserScan.
           odometry: (n,) of ODOMETRY.
-          state: of the cars; needed where there are ObservationTerms.
-          readings: of each car's sensors, by name; needed where there are sensors.
-          actions: last ones of the policies (n, 2); needed for `previous_action`.
-          planned: commands of the planners that they correct (n, 2); needed for `planner_command`.
+          state, readings: of the cars and their sensors; needed where there are ObservationTerms, or sensors.
+          actions, planned: of the policies, and commands that they correct (n, 2); needed where they are seen.
           step: whether a step of the environment is over; else only the sensors have gone on for a tick.
         """
         scan, numbers = self.room()
@@ -253,17 +245,7 @@ class Observer:
 
 
 class Frames:
-    """Observations of some cars at the last steps, with delays, noise and scales.
-
-    Args:
-      observation: what is observed.
-      raw: bounds of its parts and of sensors, as they are read.
-      period: of a tick [s].
-      count: of cars, n.
-
-    Attributes:
-      bounds: as those of an Observer.
-    """
+    """Observations at the last steps, with delays, noise and scales; `period` [s], `bounds` as of an Observer."""
 
     def __init__(self, observation: Observation, raw: Mapping[str, Bounds], period: float, count: int) -> None:
         self._observation = observation
@@ -343,17 +325,7 @@ class Frames:
 
 
 class Memory:
-    """Some columns of the frames of n cars, at steps that are evenly apart.
-
-    Args:
-      count: of cars, n.
-      columns: of a frame (width,).
-      length: how many steps are read.
-      every: how many steps these are apart.
-
-    Attributes:
-      columns, length: as given.
-    """
+    """Some `columns` (width,) of the frames of n cars, at steps that are evenly apart."""
 
     def __init__(self, count: int, columns: NDArray[np.int64], length: int, every: int) -> None:
         self.columns, self.length, self._every = columns, length, every
@@ -375,15 +347,7 @@ class Memory:
 def shift(
     which: Mask, fresh: Mask, frame: Values, delayed: NDArray[np.float32], delays: NDArray[np.int64]
 ) -> None:
-    """Put the frames of a tick into their ring, and write to them what is delivered now.
-
-    Args:
-      which: (n,) cars that have sensed.
-      fresh: (n,) cars whose episode begins: all that is before is the first frame.
-      frame: (n, width) as sensed, written to.
-      delayed: (n, ticks, width) the newest first, written to.
-      delays: (width,) in ticks.
-    """
+    """Put a tick's frames (n, width) into their ring, newest first; write to them those `delays` (width,) ticks old."""
     ticks = delayed.shape[1]
     for i in range(len(which)):
         if which[i]:

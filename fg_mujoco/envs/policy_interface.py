@@ -231,11 +231,9 @@ class PolicyInterface:
         """Return what makes the observations of so many cars.
 
         Args:
-          count: of cars.
           car: of an environment, for terms that are functions of its state; None: its limits do.
           beams: of its LiDAR; None: those of the interface.
           sensors: that it has besides; None: those of the interface.
-          privileged: terms of the second vector, which an environment has.
         """
         return Observer(
             self.observation, car or self.car, beams or self.beams, self.period, count=count, beam_step=self.beam_step,
@@ -270,9 +268,6 @@ class PolicyInterface:
 
 class PolicyDriver:
     """One car that a policy drives: its readings become observations, and actions become commands.
-
-    Args:
-      interface: of the policy.
 
     Attributes:
       interface: as given.

@@ -30,11 +30,7 @@ def usable_modes(modes: Sequence[str]) -> list[str]:
 
 
 class ChaseView:
-    """Draws frames on the GPU, or on the CPU where there is none. The first frame opens the OpenGL context.
-
-    Args:
-      world: to be drawn.
-    """
+    """Draws frames on the GPU, or on the CPU where there is none. The first frame opens the OpenGL context."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -58,22 +54,14 @@ class ChaseView:
 
 
 class WorldViews:
-    """Draws the worlds of an engine from behind their car 0, each as it is now, whatever World was in its place before.
-
-    Args:
-      engine: of the worlds.
-    """
+    """Draws the worlds of an engine from behind their car 0, each as it is now, the World that it has now."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._drawn: tuple[World, mujoco.MjData, ChaseView] | None = None
 
     def frames(self, worlds: Sequence[int]) -> list[NDArray[np.uint8]]:
-        """Return a frame (HEIGHT, WIDTH, 3) of each of some worlds.
-
-        Raises:
-          MissingExtraError: no OpenGL; the message has the command that installs it.
-        """
+        """Return a frame (HEIGHT, WIDTH, 3) of each of some worlds; MissingExtraError: no OpenGL."""
         found: dict[int, NDArray[np.uint8]] = {}
         for i in sorted(worlds, key=lambda i: id(self._engine.world_of(i))):  # a context of OpenGL for each World
             world = self._engine.world_of(i)
@@ -93,19 +81,7 @@ class WorldViews:
 
 
 class Window:
-    """MuJoCo's viewer, at the pace of the simulation at most.
-
-    Args:
-      world: to be shown.
-      data: of the simulation.
-      period: simulated time from one `show` to the next [s].
-
-    Attributes:
-      world, data: as given.
-
-    Raises:
-      EngineError: no display.
-    """
+    """MuJoCo's viewer, at the simulation's pace, `period` [s] from `show` to `show`; EngineError: no display."""
 
     def __init__(self, world: World, data: mujoco.MjData, period: float) -> None:
         if not can_open_window():

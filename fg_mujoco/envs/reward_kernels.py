@@ -24,11 +24,9 @@ def read_actions(
     commands: FloatArray,
     clipped: NDArray[np.int64],
 ) -> int:
-    """Convert actions to the commands of a tick, and count the clipped ones.
+    """Convert actions (n, 2) to commands (n, 2) of a tick, and count the clipped ones (n,) of the cars `taken` (n,).
 
     Args:
-      actions: (n, 2).
-      taken: (n,) whose actions count.
       limits: (7, 2) least and greatest action; what is asked for at 0, and more at 1; the time for which it is
         integrated [s], 0: it is the command itself; least and greatest command.
       share: by which a command comes nearer to what is asked for in a tick; 1: all of it.
@@ -36,8 +34,6 @@ def read_actions(
       slow: planned speed below which corrections are smaller in proportion [m/s]; 0: nowhere.
       targets: (2, n, 2) what is asked for, and the command; of the last tick, brought up to date.
       held_before: (n, 2) written to: the actions, within their bounds.
-      commands: (n, 2) written to.
-      clipped: (n,) counts, added to.
 
     Returns:
       Where the first part of an action that is NaN is, counted through the rows; -1: none is, and all is written.
@@ -85,19 +81,15 @@ def reward_ticks(
     rewards: FloatArray,
     terms: FloatArray,
 ) -> None:
-    """Write the four default terms of a tick; and its rewards, where there are no other terms.
+    """Write the four default terms of a tick; and its rewards (n,), where there are no other terms.
 
     Args:
       driven: (n,) the worlds in which it was driven; the others' rows are left as they are.
-      progress: (n,) [m] now.
-      before: (n,) [m] at the start of the tick, brought up to date.
-      crashed: (n,) whether the chassis has touched a wall or an obstacle, or the car has rolled over.
-      sliding: (n,) share of the tick in which a tire slid.
-      impacts: (n,) speed at which it crashed in the tick [m/s].
+      progress, before: (n,) [m] now, and at the start of the tick, brought up to date.
+      crashed, sliding, impacts: (n,) whether it crashed, share of the tick in which a tire slid, speed of it [m/s].
       weights: (4,) of a metre, of a crash, of a tick in which a tire slides all the while, and of 1 m/s of an impact.
       share: of what a tick gains, the most that its running costs take; inf: they are not bounded.
       alone: whether there are no other terms; else `sum_terms` bounds and sums them.
-      rewards: (n,) written to.
       terms: (2, k, n) written to: of each term the tick's value, and the sum of the episode, which it is added to.
     """
     for i in range(len(driven)):
@@ -125,19 +117,12 @@ def sum_terms(
     rewards: FloatArray,
     terms: FloatArray,
 ) -> int:
-    """Bound the running costs of a tick, and write the rewards.
+    """Bound the costs of a tick that are `running` (k,), and write the rewards (n,); arguments as of `reward_ticks`.
 
-    Args:
-      driven: (n,) the worlds in which it was driven; the others' rows are left as they are.
-      running: (k,) whether each term is a running cost.
-      share: of what the other terms gain in the tick, the most that the running costs take; inf: they are not bounded.
-      rewards: (n,) written to: the sum of the terms.
-      terms: (2, k, n) of each term the tick's value, brought within the bound, and the sum of the episode, which it is
-        added to. Of those that `reward_ticks` has not written, the values of the other worlds become 0.
+    Of terms (2, k, n) that `reward_ticks` has not written, the values of the worlds that were not driven become 0.
 
     Returns:
-      Where the first value that is not finite is, counted through the rows of the terms; -1: there is none, and all is
-      written.
+      Where the first value that is not finite is, counted through the rows of the terms; -1: all is written.
     """
     count = len(driven)
     for term in range(4, len(running)):
@@ -183,20 +168,13 @@ def read_sensors(
     scan: NDArray[np.float32],
     values: NDArray[np.float32],
 ) -> None:
-    """Write the parts of an observation that are read off sensors, within their bounds.
+    """Write the parts of an observation that are read off sensors, within their bounds `low` and `high` (k,).
 
     Args:
-      stride: every how many-th row of the ranges and the odometry is read.
-      ranges: (n stride, beams) [m], as in LaserScan.
-      odometry: (n stride, m) numbers of ODOMETRY.
-      actions: (n, 2) of the policies; none are needed where no column is m or m + 1.
-      planned: (n, 2) commands of planners; none are needed where no column is m + 2 or m + 3.
-      beams: which are seen.
-      range_max: [m].
+      ranges, odometry: (n stride, beams) [m], as in LaserScan, and (n stride, m) numbers of ODOMETRY.
+      actions, planned: (n, 2) of the policies, and commands of planners; none are needed where no column is of them.
       columns: (k,) the numbers of the odometry that are seen; from m on, of the action, and of the planner.
-      low: (k,) least values.
-      high: (k,) greatest.
-      scan: (n, beams seen) [m], written to: no return reads `range_max`, too close or failed reads 0.
+      scan: (n, beams seen) [m], written to: no return reads `range_max` [m], too close or failed reads 0.
       values: (n, k) written to.
     """
     width = odometry.shape[1]

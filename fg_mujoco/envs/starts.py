@@ -19,11 +19,7 @@ _TRIES = 50  # places of a grid that are drawn before it is said to fit nowhere
 
 
 def draw_start(world: World, rng: np.random.Generator) -> Start:
-    """Return a random standing start, clear of all obstacles: on a track anywhere on the lap; of a scene, its own.
-
-    Raises:
-      SettingsError: obstacles everywhere.
-    """
+    """Return a random standing start, clear of obstacles, of a scene its own; SettingsError: obstacles everywhere."""
     s, offset, heading = world.track.draw_start(rng, world.parameters, world.obstacles)
     return Start(s=s, offset=offset, heading=heading)
 
@@ -52,10 +48,7 @@ class StartGrid:
     """Starts of the cars of a world: one alone at the start, several on a grid behind it.
 
     Args:
-      world: of the cars.
       fixed: where the first place of the grid is in all episodes; None: at a random place.
-      kind: of the grid, as `grid_starts` takes it.
-      order: of the cars on it, one of GRID_ORDERS, from the front.
       own: of each car that has a start of its own, that; None for those on the grid.
       learners: how many cars learn; the others are the last ones.
     """
@@ -81,12 +74,7 @@ class StartGrid:
         start: Start | None = None,
         drawn: Callable[[int], DrawnStart] | None = None,
     ) -> list[Start]:
-        """Return where each car starts an episode.
-
-        Args:
-          rng: of what is drawn.
-          start: of this episode; None: as the settings have it.
-          drawn: returns what is drawn otherwise, at an attempt from 0; None: nothing is.
+        """Return where each car starts, from `start` or the settings, and what is `drawn` at attempts from 0.
 
         Raises:
           SettingsError: a car would start in a wall, in an obstacle or in another car.

@@ -43,33 +43,19 @@ _AHEAD, _LEFT, _TURNING, _ANGLE = (
 
 
 class Ground:
-    """The course of a world, and what stands and moves on it, from above.
-
-    Args:
-      world: whose ground it is.
-    """
+    """The course of a world, and what stands and moves on it, from above."""
 
     def __init__(self, world: World) -> None:
         self._course, self._solids = world.track, (*world.track.obstacles, *world.obstacles)
 
     def heading_errors(self, poses: FloatArray, places: FloatArray) -> FloatArray:
-        """Return the angles from the course to the cars' headings, left positive. Shape (n,) [rad].
-
-        Args:
-          poses: of the cars (n, 3).
-          places: of the cars along the line (n,) [m].
-        """
+        """Return the angles (n,) [rad] from the course at `places` (n,) [m] to headings of `poses` (n, 3), left +."""
         errors = np.empty(len(poses))  # kernels take arrays only that can be written to
         _heading_errors(np.array(poses), np.array(places), self._course.table, errors)
         return errors
 
     def curvatures(self, places: FloatArray, ahead: Sequence[float]) -> FloatArray:
-        """Return by how much the course turns over some distances ahead [m], a metre. Shape (n, distances) [1/m].
-
-        Args:
-          places: along the line (n,) [m].
-          ahead: the distances; over each the course turns by less than half a turn.
-        """
+        """Return by how much the course turns over distances ahead [m], less than pi. Shape (n, distances) [1/m]."""
         still = np.zeros((len(places), 3))
         now, found = self.heading_errors(still, places), np.empty((len(places), len(ahead)))
         for column, distance in enumerate(ahead):
@@ -78,13 +64,7 @@ class Ground:
         return found
 
     def distances(self, times: FloatArray, poses: FloatArray, car: CarParameters) -> FloatArray:
-        """Return the distances from the cars' footprints to the nearest wall or obstacle. Shape (n,) [m].
-
-        Args:
-          times: in each world (n,) [s], for obstacles that move.
-          poses: of the cars (n, 3).
-          car: whose footprint it is.
-        """
+        """Return how far footprints at `poses` (n, 3) are from what stands, or moves at `times` (n,) [s], (n,) [m]."""
         poses = np.array(poses)
         found = clearances(poses, self._sides, car)
         for obstacle in self._course.moving:
@@ -100,12 +80,7 @@ class Ground:
 
 
 class GroundOfEach(Ground):
-    """The grounds of cars whose worlds differ, and may become others.
-
-    Args:
-      engine: of the worlds.
-      rows: of the cars.
-    """
+    """The grounds of cars whose worlds differ, and may become others."""
 
     def __init__(self, engine: Engine, rows: slice) -> None:
         self._engine, self._rows = engine, np.arange(len(engine.commands))[rows]
@@ -219,12 +194,7 @@ class SensedState(TickState):
 
 
 class TickStates:
-    """Keeps the states of an engine's cars, from tick to tick.
-
-    Args:
-      engine: whose cars they are.
-      apart: whether its worlds differ, and may become others.
-    """
+    """Keeps the states of an engine's cars, from tick to tick."""
 
     def __init__(self, engine: Engine, *, apart: bool = False) -> None:
         self._engine, count = engine, len(engine.commands)
@@ -298,10 +268,7 @@ def _views(arrays: Mapping[str, NDArray[Any]], rows: slice) -> dict[str, Any]:
 
 
 def positions(engine: Engine) -> Whole:
-    """Return how many cars of its world each car is behind, and one more: 1 is in front. Shape (r,).
-
-    Cars that have finished are in the order in which they did, in front of the others.
-    """
+    """Return each car's position in its world, 1 in front; who finished sooner is before the others. Shape (r,)."""
     monitor = engine.monitor
     finished_at = np.where(monitor.reasons == _FINISHED, monitor.timers["lap_start"], np.inf)
     each = finished_at.reshape(-1, engine.cars_per_world)

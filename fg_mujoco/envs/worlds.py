@@ -37,28 +37,15 @@ class Worlds:
     by the next call; (a,) is one for each agent, those of world 0 first. While others of its world go on, an agent that
     has finished is off the course; one whose episode is over otherwise brakes and stays where it is.
 
-    Args:
-      settings: of the environment.
-      count: how many worlds, n.
-      threads: that drive them.
-      engine: of the worlds; None: a new one.
-      agents: of each world; more than one in one world only.
-
     Attributes:
-      settings: as given.
-      engine: as given, or the new one.
-      world: the World that they share.
       period: of a tick [s].
-      agents: as given.
-      cars: of each world, m.
-      rows: of the agents among the engine's.
-      stride: every how many-th row of the engine's is that of an agent.
+      agents, cars: of each world; more agents than one in one world only.
+      rows, stride: of the agents among the engine's rows.
       monitor: of the agents' episodes: laps, which run, and why they ended.
       sliding: share of the last tick's physics steps in which any tire slid, (a,).
       speeds: over the ground at the start of the last tick, (a,) [m/s].
       contacts: touches of all cars that end nothing; None: with them a race is over.
-      tick_state: of the agents after the last tick; None: no term of the settings looks at it.
-      sensed_state: the same with what their sensors read last.
+      tick_state, sensed_state: of the agents after the last tick; None: no term of the settings looks at it.
     """
 
     def __init__(
@@ -165,11 +152,7 @@ class Worlds:
         return Randomization({}) if self._draws is None else self._draws.randomization
 
     def randomize(self, randomization: Randomization) -> None:
-        """Draw otherwise from the next reset of each world on.
-
-        Raises:
-          SettingsError: what cannot be drawn, or an environment that was made to draw nothing.
-        """
+        """Draw otherwise from the next reset of each world on; SettingsError: what cannot be drawn."""
         if self._draws is None:
             raise SettingsError("this environment draws nothing; accepted: one that was made with randomize=...")
         self._draws.change(randomization)
@@ -178,11 +161,6 @@ class Worlds:
         self, which: Mask, generators: Sequence[np.random.Generator], given: Mapping[str, Any]
     ) -> list[EpisodeDraw] | None:
         """Draw the episodes of the worlds `which` (n,) and make these what was drawn; None: nothing is drawn.
-
-        Args:
-          which: (n,).
-          generators: of each of n worlds.
-          given: values that stand in the place of drawn ones, by name.
 
         Raises:
           TrackError, SettingsError: what cannot be driven.
@@ -209,8 +187,6 @@ class Worlds:
         self, which: Mask, starts: Sequence[Start], seeds: Sequence[int], draws: Sequence[EpisodeDraw] | None = None
     ) -> None:
         """Place the cars of the worlds `which` (n,); one start and one seed of the LiDAR's noise for each of them.
-
-        `draws` are those of `draw`.
 
         Raises:
           ControllerError: the planner of an opponent raises in its `reset`.
@@ -257,11 +233,7 @@ class Worlds:
             self._states.judge()
 
     def drive(self, commands: FloatArray) -> None:
-        """Hold the commands (a, 2) [rad, m/s] for a tick in the worlds that run, and judge their races.
-
-        Raises:
-          MessageError: the policy of an opponent answers no action.
-        """
+        """Hold the commands (a, 2) [rad, m/s] for a tick in the worlds that run, and judge; errors as of Opponents."""
         engine = self.engine
         if self._opponents is not None:
             opponents = np.zeros(len(engine.commands), np.bool_)

@@ -84,11 +84,7 @@ class LabSettings:
         self.try_law(*self.angles)
 
     def try_law(self, *angles: float) -> None:
-        """Make sure that the law has an answer at some steering angles [rad], for a car that rolls at 1 m/s.
-
-        Raises:
-          SettingsError: it has none.
-        """
+        """Make sure that the law answers at some steering angles [rad], at 1 m/s; SettingsError: it does not."""
         for mu in self.frictions:
             for angle in angles:
                 self.speed_law(angle, _ROLLS, self.entry.car.parameters, self.told(mu))

@@ -78,10 +78,7 @@ def _greatest(values: FloatArray) -> float:
 
 
 def _understeer_gradient(column: Column, manoeuvre: Manoeuvre, car: CarParameters) -> float:
-    """Return the understeer gradient [rad s^2/m]: of a circle that of its last half, of a ramp the slope to half of it.
-
-    The curvature is that of the rear axle's path, so that a car whose tires do not slip has a gradient of 0.
-    """
+    """Return the understeer gradient of the rear axle [rad s^2/m]: of a circle's last half, or the slope of a ramp."""
     speed = np.hypot(column("vx_m_s"), column("vy_m_s"))
     acceleration, time = column("ay_m_s2"), column("time_s")
     with np.errstate(divide="ignore", invalid="ignore"):

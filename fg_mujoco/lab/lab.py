@@ -129,11 +129,7 @@ class LabResult:
 
 
 def load_experiment(name: str) -> Experiment:
-    """Return an experiment by its name.
-
-    Raises:
-      SettingsError: there is none.
-    """
+    """Return an experiment by its name; SettingsError: there is none."""
     if name not in EXPERIMENTS:
         raise SettingsError(f"unknown experiment {name!r}; {accepted_names(name, EXPERIMENTS)}")
     return _imported(EXPERIMENTS[name])

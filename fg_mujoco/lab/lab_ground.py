@@ -35,20 +35,12 @@ Driver: TypeAlias = Callable[[Odometry], DriveCommand]
 
 
 class LabGround:
-    """A car on endless level ground.
+    """A car on endless level ground, with its `model`, `data`, `car` and the `forces` of its tires.
 
     Args:
       mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in the MJCF.
       timestep: of the physics [s]; None: at which the tires are right when they slide.
       tires: that the car stands on; None: its own.
-      vehicle: the car.
-      changes: what differs from its MJCF.
-
-    Attributes:
-      model: the compiled mujoco.MjModel.
-      data: its mujoco.MjData.
-      car: the Car in it.
-      forces: of the tires.
 
     Raises:
       SettingsError: a friction coefficient that is no number above 0 and up to GREATEST_MU.

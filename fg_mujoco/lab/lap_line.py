@@ -29,26 +29,14 @@ class DrivenLap:
 
 
 def best_flying_lap(laps: CarResult) -> int:
-    """Return the number of the fastest lap, except the first, which is from a standing start.
-
-    Raises:
-      SettingsError: fewer than two laps were completed.
-    """
+    """Return the number of the fastest lap, except the first, from a standing start; SettingsError: one lap."""
     if len(laps.lap_times_s) < 2:
         raise SettingsError(f"{len(laps.lap_times_s)} laps were completed; accepted: 2 or more, for a flying one")
     return 2 + int(np.argmin(laps.lap_times_s[1:]))
 
 
 def driven_lap(laps: CarResult, lap: int, car: CarParameters) -> DrivenLap:
-    """Return a lap, from 2 on, as a closed line.
-
-    A lap ends some millimetres beside where it began: that gap is spread over the lap.
-
-    Args:
-      laps: that were driven.
-      lap: its number.
-      car: where its centre of gravity is.
-    """
+    """Return a lap, from 2 on, as a closed line: the millimetres between its ends are spread over the lap."""
     heading = laps.column("heading_rad")
     ahead = np.stack((np.cos(heading), np.sin(heading)))
     points = (np.stack((laps.column("x_m"), laps.column("y_m"))) + car.rear_axle_distance * ahead).T

@@ -127,10 +127,7 @@ def fastest_speeds(line: Line, limits: Limits) -> FloatArray:
 
 
 def _reached(start: float, limit: float, acceleration: Callable[[float], float], twice_the_step: float) -> float:
-    """Return the greatest squared speed up to `limit` that is at most start + 2 a ds, with its own a [m^2/s^2].
-
-    By bisection: the acceleration that is left never grows with the speed.
-    """
+    """Return, by bisection, the greatest squared speed up to `limit` that is at most start + 2 a ds [m^2/s^2]."""
     low, high = start, min(limit, start + acceleration(start) * twice_the_step)
     if high <= start + acceleration(high) * twice_the_step:
         return high

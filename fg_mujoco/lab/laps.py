@@ -62,15 +62,7 @@ class LawPlanner:
 
 
 def drive_laps(settings: LabSettings, track: str, mu: float, told: float, laps: int) -> tuple[CarResult, Any]:
-    """Race alone, and return the car's result and its world.
-
-    Args:
-      settings: of the lab.
-      track: name of the course.
-      mu: friction of the tires, or their greatest peak [-].
-      told: to the planner, or to the law [-].
-      laps: to be driven.
-    """
+    """Race alone on tires of `mu`, `told` to planner or law, or their greatest peak [-]; return result and car."""
     entry = replace(settings.entry, planner_mu=told)
     if settings.entry.set_mu is None:
         entry = replace(entry, mu=mu)

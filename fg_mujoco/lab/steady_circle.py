@@ -69,20 +69,13 @@ class CircleReading:
 
 
 class SteadyCircle:
-    """A car on a circle, for any k.
+    """A car on a circle, for any k, on its `ground`; `law` is the law's speed at this mu and steering [m/s].
 
     Args:
       mu: friction coefficient of the tires [-]; of those with a curve the least peak, which planners are told.
       steering: angle [rad], left positive.
       timestep: of the physics [s]; None: at which the tires are right when they slide.
       tires: that the car stands on; None: its own.
-      vehicle: the car.
-      changes: what differs from its MJCF.
-
-    Attributes:
-      tires: that the car stands on.
-      ground: the LabGround it is driven on.
-      law: speed of the law at this mu and steering [m/s].
 
     Raises:
       SettingsError: a friction coefficient that the lab does not accept, no steering, or more than the car's lock.
@@ -111,11 +104,7 @@ class SteadyCircle:
         self._settled: dict[float, tuple[FloatArray, float, CircleReading]] = {}  # by k: state, command, reading
 
     def at(self, k: float) -> CircleReading:
-        """Return how the car runs at `k` times the law's speed.
-
-        Raises:
-          UnreachableError: it never gets there.
-        """
+        """Return how the car runs at `k` times the law's speed; UnreachableError: it never gets there."""
         if k not in self._settled:
             self._settle(k)
         return self._settled[k][2]
@@ -184,10 +173,7 @@ class SteadyCircle:
         return DriveCommand(steering_angle=self.steering * turned_in, speed=command)
 
     def _next_command(self, command: float, target: float) -> float:
-        """Return the set point [m/s] that brings the rear axle to `target` [m/s] gently.
-
-        The servo holds the mean of all wheels, of which the front ones go faster: hence by integration.
-        """
+        """Return the set point [m/s] that brings the rear axle gently to `target` [m/s], by integration."""
         data = self.ground.data
         if 1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2) < _UPRIGHT:
             raise UnreachableError("the car tips over first")

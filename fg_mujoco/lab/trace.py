@@ -15,11 +15,7 @@ from ..vehicle.tire_slip import TireSlip, TireSlipMeter
 
 
 class CarSensors:
-    """Indices of a car's sensors in a row of `sensordata`.
-
-    Raises:
-      ModelError: the model does not hold the car, with what `add_axle_sensors` adds.
-    """
+    """Indices of a car's sensors in a row of `sensordata`; ModelError: the model lacks what `add_axle_sensors` adds."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.meter = TireSlipMeter(model)

@@ -232,11 +232,7 @@ class LidarModel:
 
 
 def lidar_of(model: Any, prefix: str = "") -> LidarModel:
-    """Return the LiDAR that a compiled model holds under a prefix; one that names no file has the default one.
-
-    Raises:
-      ModelError: its file cannot be read.
-    """
+    """Return the LiDAR that a compiled model holds under a prefix, or the default one; ModelError: no such file."""
     text = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, prefix + _FILE)
     if text < 0:
         return LidarModel.load()
@@ -245,11 +241,7 @@ def lidar_of(model: Any, prefix: str = "") -> LidarModel:
 
 
 def lidar_body(model: Any, prefix: str = "") -> int:
-    """Return the id of the body of the LiDAR that a compiled model holds under a prefix.
-
-    Raises:
-      ModelError: it holds none.
-    """
+    """Return the id of the body of the LiDAR that a compiled model holds under a prefix; ModelError: it holds none."""
     name = prefix + lidar_of(model, prefix).body
     body: int = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
     if body < 0:

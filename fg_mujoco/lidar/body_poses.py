@@ -35,18 +35,7 @@ class Mount(NamedTuple):
 
 
 class BodyPoses:
-    """The poses of some bodies, read off a simulation.
-
-    Args:
-      model: the compiled mujoco.MjModel.
-      bodies: their ids.
-      level: whether the first of them, on a free body, does not tilt with it.
-
-    Attributes:
-      positions: (m, 3) [m], world frame, as of the last `read`.
-      rotations: (m, 3, 3) from the bodies' frames to the world's, as of the last `read`.
-      arrays: what `read_poses` wants, these two among it.
-    """
+    """Poses of some bodies as of the last `read`: `positions` (m, 3) [m], `rotations` (m, 3, 3) into the world."""
 
     def __init__(self, model: Any, bodies: tuple[int, ...], *, level: bool = False) -> None:
         data = mujoco.MjData(model)
@@ -97,15 +86,11 @@ def mounted_pose(
     position: FloatArray,
     rotation: FloatArray,
 ) -> None:
-    """Write the pose of what is fixed to a free body: as mj_kinematics works it out, to rounding, or kept level.
+    """Write position (3,) and rotation (3, 3), in the world, of what is fixed to a free body, or kept level.
 
     Args:
       pose: (7,) of the free body: position [m] and quaternion wxyz, as a free joint has them in `qpos`.
-      level: whether it turns about the vertical with the free body, and does not tilt with it.
-      offset_position: (3,) [m] in the free body's frame.
-      offset_rotation: (3, 3) into the free body's frame.
-      position: (3,) [m], world frame, written to.
-      rotation: (3, 3) into the world's frame, written to.
+      offset_position, offset_rotation: (3,) [m] and (3, 3), in the free body's frame.
     """
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
     if level:
@@ -128,12 +113,7 @@ def mounted_pose(
 
 @kernel
 def read_poses(poses: PoseArrays, state: StateArrays) -> None:
-    """Write the poses of the bodies of a BodyPoses at the state of a simulation.
-
-    Args:
-      poses: BodyPoses.arrays; the last two are written to.
-      state: as `state_arrays` returns it.
-    """
+    """Write the poses of the bodies of a BodyPoses at the state of a simulation, into the last two of its arrays."""
     sources, offset_positions, offset_rotations, positions, rotations = poses
     qpos, mocap_pos, mocap_quat, xpos, xmat = state
     for i in range(len(sources)):

@@ -80,10 +80,7 @@ def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Cluster
 
 
 def _distinct_rows(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.intp]]:
-    """Return the rows of an array (n, k), each once and in order: (m, k); and for each of the n which it is.
-
-    As `numpy.unique`, which is slower and imports all of numpy.ma.
-    """
+    """Return the distinct rows of (n, k) in order, and which each is (n,), as numpy.unique, which imports numpy.ma."""
     order = np.lexsort(rows.T[::-1])
     ordered = rows[order]
     first = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))[: len(rows)]

@@ -109,15 +109,7 @@ def whole_turn(scene: SceneArrays) -> int:
 
 @kernel
 def is_hidden(right: int, left: int, nearest: float, turn: int, out: FloatArray) -> bool:
-    """Return whether all that is drawn where a cluster may be seen is nearer than its nearest point.
-
-    Args:
-      right: first beam that may meet it, see Scratch.views.
-      left: the one behind the last.
-      nearest: how far it is at least [m].
-      turn: `whole_turn`.
-      out: 1 / distance of what is drawn, by beams.
-    """
+    """Return whether `out` (beams,) [1/m] is nearer than `nearest` [m] in all views `right` to `left` of a cluster."""
     beams, inverse = len(out), (1.0 + 1e-9) / (nearest + TINY)
     return (
         _all_above(out, max(right, 0), min(left, beams), inverse)

@@ -75,14 +75,11 @@ def place_links(
     positions: FloatArray,
     rotations: FloatArray,
 ) -> None:
-    """Write where the bodies are that links were made for.
+    """Write where the bodies are that `links` (n,) were made for, in the world's frame; `poses` (n, 7) is room.
 
     Args:
-      qpos: of the model.
-      links: (n,) of LINK.
-      poses: (n, 7) room.
-      positions: (bodies, 3) [m], world frame, written to.
-      rotations: (bodies, 3, 3) into the world's frame, written to.
+      positions: (bodies, 3) [m], written to.
+      rotations: (bodies, 3, 3), written to.
     """
     for i in range(len(links)):
         link = links[i]

@@ -35,14 +35,7 @@ def is_shape(kind: int) -> bool:
 
 
 def shape_row(kind: int, size: FloatArray, position: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Return the numbers of a shape. Shape (SHAPE,).
-
-    Args:
-      kind: mjtGeom.
-      size: (3,) as of its geom [m].
-      position: (3,) in its body's frame [m].
-      rotation: (3, 3) into its body's frame.
-    """
+    """Return the numbers of a shape (SHAPE,): size (3,) [m]; position (3,) [m], rotation (3, 3) in its body's frame."""
     around = {0: size[0], 1: size[0] + size[1], 2: size.max(), 3: math.hypot(size[0], size[1])}[int(_KINDS[kind])]
     return np.concatenate(([_KINDS[kind]], size, position, rotation.ravel(), [around]))
 
@@ -51,14 +44,7 @@ def shape_row(kind: int, size: FloatArray, position: FloatArray, rotation: Float
 def ray_distance(
     kind: float, a: float, b: float, c: float, px: float, py: float, pz: float, vx: float, vy: float, vz: float
 ) -> float:
-    """Return the distance to a shape along a ray [m], -1 where the ray misses it.
-
-    Args:
-      kind: of the shape, as in its row.
-      a, b, c: its sizes [m].
-      px, py, pz: where the ray starts, in the shape's frame [m].
-      vx, vy, vz: the ray's direction in it, a unit vector.
-    """
+    """Return how far a ray from p [m] along v goes, in the frame of a shape of sizes a, b, c [m]; -1: it misses."""
     if kind == 0.0:
         first, second = _roots(1.0, px * vx + py * vy + pz * vz, px * px + py * py + pz * pz - a * a)
         return first if first >= 0.0 else second

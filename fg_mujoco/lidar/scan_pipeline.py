@@ -39,18 +39,10 @@ class ScanPipeline:
     """From the state of the simulation to the scan that a planner gets.
 
     Latency holds back whole scans; a scan's stamp stays the time it was measured at. Until the first one is old
-    enough, the first one is what is delivered.
-
-    Args:
-      lidar: the back end; motion distortion needs `raycast`, because MuJoCo fires all its sensors at once.
-      effects: the settings.
-      rng: of noise and dropouts.
-
-    Attributes:
-      needs_every_step: whether `record` must be called after each physics step.
+    enough, the first one is what is delivered. `needs_every_step` says whether `record` must follow each physics step.
 
     Raises:
-      SettingsError: motion distortion on a back end that cannot.
+      SettingsError: motion distortion on the back end `rangefinder`, whose sensors MuJoCo fires all at once.
     """
 
     def __init__(self, lidar: Lidar, effects: LidarEffects, rng: np.random.Generator) -> None:
@@ -102,10 +94,6 @@ class EffectsOfRows:
     """The effects of many LiDARs on the rows of their ranges, in place; without motion distortion.
 
     Each row has the bits that a ScanPipeline gives, which costs more because it makes messages.
-
-    Args:
-      beams: of all LiDARs.
-      rows: how many there are.
     """
 
     def __init__(self, beams: Beams, rows: int) -> None:
@@ -242,11 +230,7 @@ def _disturb(
 
 
 class PoseHistory:
-    """Poses of a body at the last physics steps.
-
-    Args:
-      span: how far back it reaches [s].
-    """
+    """Poses of a body at the last physics steps, `span` [s] back."""
 
     def __init__(self, span: float) -> None:
         self._span = span
@@ -288,13 +272,7 @@ class PoseHistory:
 
 
 class _Sweep:
-    """A scan whose beams are taken one after the other, the last one at the present state.
-
-    Each beam sees other cars and moving obstacles where they were when it was taken. The sweep is drawn in parts, each
-    twice: from where all was when its first beam was taken, and when its last was, with the beams of both turned to
-    where they point in the course of it. A reading goes evenly from the one to the other, as that of a flat wall does,
-    and is the nearer one in time where the two differ by more than what has moved, as at an edge.
-    """
+    """A scan whose beams are taken one after the other, the last one at the present state, by parts: see `_part`."""
 
     def __init__(self, lidar: RaycastLidar) -> None:
         self._lidar, count = lidar, len(lidar.beams.bearings)
@@ -325,7 +303,12 @@ class _Sweep:
     def _part(
         self, part: NDArray[np.intp], ages: FloatArray, positions: FloatArray, rotations: FloatArray
     ) -> FloatArray:
-        """Return the readings of some beams (k,), with the poses when the first and when the last was taken."""
+        """Return the readings of some beams (k,), with the poses when the first and when the last was taken.
+
+        The part is drawn from where all was at either time, with beams turned to where they point in its course. A
+        reading goes evenly from the one to the other, as that of a flat wall does, and is the nearer one in time where
+        the two differ by more than what has moved, as at an edge.
+        """
         beams = self._lidar.beams
         between = rotations[0, 0].T @ rotations[1, 0]
         turn, apart = math.atan2(between[1, 0], between[0, 0]), np.linalg.norm(positions[1] - positions[0], axis=1)
@@ -358,28 +341,14 @@ def _matrices(quaternions: FloatArray) -> FloatArray:
 
 @kernel
 def add_noise(ranges: FloatArray, deviation: float, range_max: float, noise: FloatArray) -> None:
-    """Turn standard normal numbers into ranges with noise, 0 to `range_max`.
-
-    Args:
-      ranges: (n,) as a LiDAR measures them [m].
-      deviation: standard deviation of the noise [m].
-      range_max: that is read where nothing is [m].
-      noise: (n,) [-]; left with the noisy ranges [m].
-    """
+    """Turn standard normal `noise` (n,) into `ranges` (n,) [m] with noise of a deviation [m], 0 to `range_max` [m]."""
     for beam in range(len(noise)):
         noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max)
 
 
 @kernel
 def error_at(knots: FloatArray, values: FloatArray, which: int, distance: float) -> float:
-    """Return the value of one of the three tables of a beam at a distance [m].
-
-    Args:
-      knots: (k,) [m] increasing, padded with inf.
-      values: (k, 3) of this beam.
-      which: of the three: 0 noise, 1 bias, 2 dropout.
-      distance: [m]; beyond the knots the values are constant.
-    """
+    """Return noise, bias or dropout (`which`) of `values` (k, 3) at a distance [m] among `knots` (k,), inf behind."""
     place = 0
     while place + 1 < len(knots) and knots[place + 1] <= distance and knots[place + 1] < np.inf:
         place += 1

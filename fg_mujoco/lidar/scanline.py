@@ -48,11 +48,8 @@ def scan(
     """Write the readings of one scan: distances [m], +inf from `range_max` on, -inf below `range_min` (REP 117).
 
     Args:
-      scene: ScanlineScene.arrays.
-      position: (3,) [m] of the LiDAR, world frame.
-      rotation: (3, 3) from the LiDAR's frame to the world's.
-      moving_positions: (m, 3) [m] of the bodies ScanlineScene.moving.
-      moving_rotations: (m, 3, 3).
+      position, rotation: (3,) [m] and (3, 3) of the LiDAR, into the world's frame.
+      moving_positions, moving_rotations: (m, 3) [m] and (m, 3, 3) of the bodies ScanlineScene.moving.
       scratch: ScanlineScene.scratch(), of this thread alone.
       out: (beams,) [m], written to.
       own_tree: of the car that carries the LiDAR, of which it sees nothing, as in SceneArrays.frames; -1: none.
@@ -157,10 +154,7 @@ def _draw_cluster(scene: SceneArrays, cluster: int, scratch: Scratch, out: Float
 
 @kernel
 def _cut_edges(scene: SceneArrays, pose: Pose, first: int, behind: int, scratch: Scratch) -> None:
-    """Write where the scan plane cuts a cluster's edges, and the first beam at or left of that, give or take one.
-
-    The columns of what lies more than a beam beyond the first or the last beam are -1 and one more than the beams.
-    """
+    """Write where the scan plane cuts edges, and the first beam left of that, give or take one; -1, n + 1: beyond."""
     ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz = pose
     per_radian = 1.0 / scene.limits[1]
     angle_min = scene.limits[0]

@@ -47,12 +47,9 @@ class Surfaces:
 
 
 def visible_surfaces(model: Any, carrier: int | None) -> tuple[Surfaces, ...]:
-    """Return the surfaces that rays meet, by body: the world's first, then each body's that moves, mocap included.
-
-    Static geoms are taken where the model has them now.
+    """Return the surfaces that rays meet, by body: the world's first, where they are now, then each body's that moves.
 
     Args:
-      model: the compiled mujoco.MjModel.
       carrier: id of the body that the rays start from; no geom of its kinematic tree is seen. None: all are.
 
     Raises:

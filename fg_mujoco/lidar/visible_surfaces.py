@@ -50,19 +50,13 @@ class Scratch(NamedTuple):
 
 
 class ScanlineScene:
-    """The visible surfaces of a model, prepared for the beams of one LiDAR.
+    """The visible surfaces of a model, prepared for the beams of one LiDAR, a scanline: `arrays` for `scanline.scan`.
 
-    Static geoms are taken where the model has them now; what moves, mocap bodies included, is followed.
+    Static geoms are taken where the model has them now; the bodies `moving` are followed, mocap bodies included.
 
     Args:
-      model: the compiled mujoco.MjModel.
-      beams: must be a scanline, as `is_scanline` says.
       carrier: id of the body that the beams start from; no geom of its kinematic tree is seen. None: all are in the
         scene, and each scan says whose tree it leaves out.
-
-    Attributes:
-      arrays: what `scanline.scan` reads.
-      moving: ids of the bodies whose poses it wants, in this order.
 
     Raises:
       ModelError: a visible geom of a kind that cannot be seen, as a height field.

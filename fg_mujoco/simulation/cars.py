@@ -98,11 +98,7 @@ def car_prefix(index: int) -> str:
 
 
 def require_car(car: int, count: int) -> int:
-    """Return the number of a car of a world, or of a run, that has so many.
-
-    Raises:
-      SettingsError: there is none of that number.
-    """
+    """Return the number of a car of a world, or of a run, of `count` cars; SettingsError: there is none of it."""
     if isinstance(car, bool) or not isinstance(car, int) or not 0 <= car < count:
         raise SettingsError(f"car is {car!r}; accepted: {f'0 to {count - 1}' if count > 1 else '0, the only one'}")
     return car
@@ -201,12 +197,7 @@ def tree_of(model: mujoco.MjModel, prefix: str) -> int:
 
 
 def first_overlap(poses: ArrayLike, cars: Sequence[CarParameters]) -> tuple[int, int] | None:
-    """Return the first two of some cars that would touch or stand in each other at their poses; None: all are apart.
-
-    Args:
-      poses: of each car's rear axle, x [m], y [m], heading [rad], shape (m, 3).
-      cars: of the same number.
-    """
+    """Return the first two cars that touch at poses of rear axles (m, 3), x, y [m], heading [rad]; None: none do."""
     placed = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
     for first in range(len(placed)):
         for second in range(first + 1, len(placed)):

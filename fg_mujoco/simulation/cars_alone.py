@@ -31,10 +31,7 @@ from .physics import CHANGEABLE, Batch
 
 
 def without_course(xml: str) -> str:
-    """Return the MJCF text of a world's cars alone: without what stands on its ground, patches and lights.
-
-    It is the same for all worlds whose cars are, on whichever course.
-    """
+    """Return the MJCF text of a world's cars alone, the same on any course: without what stands there, and lights."""
     root = ElementTree.fromstring(xml)
     root.set("model", "cars")
     ground = root.find("worldbody")
@@ -60,15 +57,7 @@ _ROOM = ("scratch", *Scratch._fields)
 
 
 class CarsAlone(Uncopied):
-    """A model of some cars without a course, and its data; for one thread.
-
-    Args:
-      xml: of `without_course`.
-      cars: that it holds.
-
-    Attributes:
-      addresses: of model and data, for kernels.
-    """
+    """A model of some cars without a course, and its data, for one thread; `addresses` of both, for kernels."""
 
     def __init__(self, xml: str, cars: Sequence[Car]) -> None:
         self._model = mujoco.MjModel.from_xml_string(xml)
@@ -82,10 +71,10 @@ class CarsAlone(Uncopied):
         self.addresses = np.array([self._model._address, self._data._address], np.int64)
 
     def copies(self, physics: Batch) -> NDArray[np.int64]:
-        """Return what is to be copied to the model before states of a batch are stepped in it: fields of the model.
+        """Return which fields of the model are to be copied before states of a batch are stepped in it.
 
         There is a row for each: address there, address of the first state's values, how many numbers, and how far apart
-        the values of two states are, in bytes; not at all where they are those of the batch's model.
+        the values of two states are, in bytes; 0 where they are those of the batch's model.
         """
         rows = []
         for name, address, size in zip(CHANGEABLE, self._fields, self._sizes, strict=True):

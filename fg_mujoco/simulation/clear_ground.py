@@ -41,13 +41,7 @@ class ClearGround(NamedTuple):
 def find_clear_ground(
     grid: tuple[FloatArray, FloatArray], model: mujoco.MjModel, prefixes: Sequence[str]
 ) -> ClearGround:
-    """Return the distances that show where the cars of a world are clear.
-
-    Args:
-      grid: of `distances_of` the model.
-      model: of the world.
-      prefixes: of its cars.
-    """
+    """Return the distances that show where the cars of a world are clear."""
     bodies, known = np.zeros((len(prefixes), 9)), grid[0].size > 0
     for row, prefix in zip(bodies, prefixes, strict=True):
         hull = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{HULL}")
@@ -65,10 +59,7 @@ def find_clear_ground(
 
 
 def _write_body(model: mujoco.MjModel, hull: int, geoms: set[int], row: FloatArray) -> None:
-    """Write what is known of a car (9,): the middle of its hull in its body, and the hull's half sides; the radius of a
-    ball about that middle which holds all that touches; how far before and behind the middle are those of two more
-    balls, which with a third there hold the same; and the radius of these three. All in [m].
-    """
+    """Write of a car (9,) [m]: its hull's middle and half sides, a ball's radius, three balls' distance and radius."""
     row[:3], row[3:6] = model.geom_pos[hull], model.geom_size[hull]
     sides = np.zeros(3)
     for geom in geoms:
@@ -83,8 +74,7 @@ def _write_body(model: mujoco.MjModel, hull: int, geoms: set[int], row: FloatArr
 def distances_of(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
     """Return the distances from what stands in a world's model, and their corner, as in ClearGround.
 
-    Both are empty where something moves that cars can hit, where something stands that is no solid of a World, and on
-    a course that is too large.
+    Both are empty where something moves that cars can hit or that is no solid of a World, and on a course too large.
     """
     nothing = np.zeros((0, 0)), np.zeros(2)
     solid = (model.geom_contype | model.geom_conaffinity) != 0
@@ -121,8 +111,7 @@ def _outline(
     turns: FloatArray,
     points: FloatArray,
 ) -> None:
-    """Write the corners of prisms from above into `points` (k, 2) [m], each prism's counterclockwise about its middle.
-    """
+    """Write the corners of prisms from above into `points` (k, 2) [m], counterclockwise about each one's middle."""
     first = 0
     for prism in range(len(ends)):
         end = ends[prism]
@@ -190,13 +179,7 @@ def _cells(low: float, high: float, count: int) -> tuple[int, int]:
 
 @kernel
 def touches_nothing(qpos: FloatArray, cars: CarArray, clear: ClearGround) -> bool:
-    """Return whether the cars of a world are clear of all that is solid, as they are now.
-
-    Args:
-      qpos: of the world.
-      cars: (m,) of CAR, of its cars.
-      clear: of the world.
-    """
+    """Return whether the `cars` (m,) of a world are clear of all that is solid, as they are now."""
     if clear.distances.size == 0:
         return False
     for car in range(len(cars)):
@@ -236,10 +219,7 @@ def _place(qpos: FloatArray, q: int, body: FloatArray, along: float) -> tuple[fl
 
 @kernel
 def _distance(clear: ClearGround, x: float, y: float) -> float:
-    """Return at least how far a point is from what stands [m], REACH at most; NaN of a point that is none.
-
-    It is as far as from the middle of any cell, less the way to there: the best of the four around it counts.
-    """
+    """Return at least how far a point is from what stands [m], by the best of four cells around it; NaN: no point."""
     rows, columns = clear.distances.shape
     across, up = (x - clear.corner[0]) / _CELL, (y - clear.corner[1]) / _CELL
     if not (abs(across) < 1e9 and abs(up) < 1e9):

@@ -234,21 +234,14 @@ def _floor(table: Table) -> Floor:
 
 @kernel
 def _step_world(model: int, data: int, world: int, address: int) -> None:
-    """Do the physics steps of `span` in a world, and note what sensors and tires did.
-
-    MuJoCo's batch calls it with the addresses of a model, its data and a table. Steps that do not advance only work out
-    forces and sensors.
-    """
+    """Do the physics steps of `span` in a world, of addresses that MuJoCo's batch hands on; or only work out forces."""
     table = table_at(address, ARRAYS)
     _do_steps(model, data, world - whole_numbers(table[_PLACES])[_FIRST_STATE], table, False)
 
 
 @kernel
 def _do_steps(model: int, data: int, world: int, table: Table, alone: bool) -> int:
-    """Do the physics steps of `span` in a model and its data; return the step before which they ended.
-
-    `alone`: the model is of CarsAlone; they end where a car may touch something.
-    """
+    """Do the physics steps of `span`; return where they ended: `alone` where a car may touch something."""
     n, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
     sizes, found = Sizes(n[0], n[1], n[2], n[3], n[4], n[5]), _fields_of(whole_numbers(table[_FIELDS]))
     inertia = Inertia(
@@ -299,10 +292,7 @@ def _has_warned(data: int, found: Fields) -> bool:
 
 @kernel
 def _step_alone(table: Table, world: int) -> int:
-    """Do the physics steps of `span` in a world as long as its cars touch nothing; return as `_do_steps`.
-
-    They are done in the model and data of CarsAlone. Where MuJoCo meets a bad state there, none is done.
-    """
+    """Do the steps of `span` in CarsAlone while the cars touch nothing, none in a bad state; return as `_do_steps`."""
     alone, copies, places = whole_numbers(table[_ALONE]), whole_matrix(table[_COPIES]), whole_numbers(table[_PLACES])
     model, data, found = alone[0], alone[1], _fields_of(whole_numbers(table[_FIELDS]))
     first, state = whole_numbers(table[_SPAN])[_FIRST], matrix(table[_STATES])[world]
@@ -355,10 +345,7 @@ def begin_steps(table: Table, count: int, first: int, end: int, advance: bool) -
 
 @kernel
 def book(table: Table, count: int) -> None:
-    """Read what a tick's steps recorded in the first `count` worlds of `ids`.
-
-    Written are whether the engine failed, what touched what, the last columns of the telemetry, and the statistics.
-    """
+    """Note failures, touches, telemetry and statistics of a tick's steps in the first `count` worlds of `ids`."""
     places, ids, states = whole_numbers(table[_PLACES]), short_numbers(table[_IDS]), matrix(table[_STATES])
     cars_per_world, layout, cars = places[_CARS_PER_WORLD], layout_of(places), rows(table[_CARS], CAR)
     car_places, touch_places = whole_matrix(table[_CAR_PLACES]), whole_matrix(table[_TOUCH_PLACES])
@@ -411,13 +398,9 @@ def book_touches(
 
     Args:
       records: (steps, nsensordata) of the tick.
-      car: its number in its world.
-      chassis_contact: where its chassis' contacts are counted.
       touch_places: (cars,) where those with each other car are.
-      time: at the end of the tick [s].
-      touched_at: (cars,) when it last touched each of them [s], -inf: not yet; written to.
+      touched_at: (cars,) when it last touched each of them [s], -inf: not yet; `time` [s] is written to it.
       statistics: (r,) of STATISTICS, written to.
-      row: of the car among them.
     """
     for other in range(len(touch_places)):
         if other != car and any_touch(records, touch_places[other]):
@@ -474,10 +457,7 @@ def worlds_to_drive(running: Mask, cars_per_world: int, ids: NDArray[np.int32]) 
 
 @kernel
 def drive(table: Table) -> None:
-    """Hold the commands of the cars that race for a tick, and write what their tires and chassis did meanwhile.
-
-    A world is stepped as long as any of its cars runs.
-    """
+    """Hold the commands for a tick in worlds where any car races, and write what tires and chassis did meanwhile."""
     running, ids = flags(table[_RUNNING]), short_numbers(table[_IDS])
     count = worlds_to_drive(running, whole_numbers(table[_PLACES])[_CARS_PER_WORLD], ids)
     hold(table, count)
@@ -600,10 +580,7 @@ def _keep(table: Table, kept: Table) -> None:
 def _tick(
     table: Table, calls: NDArray[np.int64], limit: float, kept: Table, took: FloatArray, waiting: Mask, goes_on: bool
 ) -> int:  # fmt: skip
-    """Sense, decide, drive and judge; return how it ended. Arguments as of `ticks`, `took` of this tick, (1,).
-
-    `goes_on`: where the command of a car is no number, it waits, and the others are driven; else none is.
-    """
+    """Sense, decide, drive, judge; return how it ended. `goes_on`: who has no number waits; else nobody is driven."""
     running, commands, how = flags(table[_RUNNING]), matrix(table[_COMMANDS]), DRIVEN
     sense(table, running)
     began = seconds()
@@ -637,12 +614,9 @@ def ticks(
     and none is driven then.
 
     Args:
-      table: of the worlds.
-      calls: that decide, see ControllerBatch.
       limit: of a decision [s].
       kept: a table of KEPT; for more than a tick, of one world.
-      took: (k,) [s] of each decision of the last world, written to: room for k ticks. Of one that raises, less the time
-        of the clock at which it began.
+      took: (k,) [s] of each decision of the last world, written to; of one that raises, less the time of its beginning.
       waiting: (r,) False; where a decision raises, the cars that run and are not marked as running are left there.
     """
     running, how, count, several = flags(table[_RUNNING]), DRIVEN, 0, len(took) > 1

@@ -45,11 +45,7 @@ def load_track(source: Course | str | Path, *, car: CarParameters | None = None)
 
 
 def reload_course(name: str, definition: Mapping[str, FloatArray]) -> Course:
-    """Return the course of a name and a definition that were written down.
-
-    Raises:
-      TrackError: it is of a class of a user's own, and not the course that `load_track` makes of the name.
-    """
+    """Return the course that was written down; TrackError: one of a user's class that is another one now."""
     from ..course.definitions import course_of, course_sha256, definition_sha256
 
     try:

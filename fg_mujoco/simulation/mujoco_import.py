@@ -46,11 +46,7 @@ def import_mujoco() -> None:
 
 
 def _require_accepted() -> None:
-    """Refuse a MuJoCo of another version, or one whose library is of another version than its Python.
-
-    Raises:
-      ImportError: it is one of these.
-    """
+    """Raise ImportError of a MuJoCo of another version, or one whose library is of another version than its Python."""
     import mujoco
 
     of_python, of_library = mujoco.__version__, mujoco.mj_versionString()
@@ -73,10 +69,7 @@ def _refuse(error: Exception) -> NoReturn:
 
 
 class _Later(ModuleType):
-    """A module that is imported once something of it is asked for. (`importlib.util.LazyLoader` imports it earlier.)
-
-    A thread that asks while another one imports it waits.
-    """
+    """A module that is imported once something of it is asked for, later than by `LazyLoader`; other threads wait."""
 
     def __getattr__(self, name: str) -> Any:
         with _importing:

@@ -56,12 +56,7 @@ def one_element_advice() -> str:
 
 
 def advice(error: BaseException, said: str) -> str:
-    """Return the NumPy version to install for an error that a newer one causes; empty for any other error.
-
-    Args:
-      error: of a planner, a node or a script.
-      said: its message.
-    """
+    """Return the NumPy version to install for an error that a newer one causes; empty for any other error."""
     kind = type(error)  # its `__class__` is the planner's to answer
     if issubclass(kind, (TypeError, ValueError)):
         cause = error.__cause__ if issubclass(kind, ValueError) else error  # of a value put into an array

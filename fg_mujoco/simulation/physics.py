@@ -88,15 +88,7 @@ _apply = library_function(
 
 @kernel
 def apply_to_states(batch: int, ids: NDArray[np.int32], count: int, function: int, argument: int) -> int:
-    """Call a function of C for some states; return for how many of them it failed. For kernels.
-
-    Args:
-      batch: `Batch.address`.
-      ids: (at least count,) which states.
-      count: how many.
-      function: address of what gets model, data, number of the state, and the argument (kernels.c_function).
-      argument: to be handed on.
-    """
+    """Call a function of C, of a `kernels.c_function`, for `count` states of `ids`; return for how many it failed."""
     failed: int = _apply(batch, ids.ctypes.data, count, function, argument, 1)
     return failed
 
@@ -126,21 +118,15 @@ class StateLayout(NamedTuple):
 
 
 class Batch:
-    """States of one model that are stepped together. The model is copied.
-
-    Args:
-      model: compiled.
-      count: how many states.
-      steps: physics steps of one call, whose sensors are recorded.
+    """States of one model, copied, that are stepped together. Arrays are live.
 
     Attributes:
-      address: of the batch, for `apply_to_states`.
-      first: number that state 0 has there.
-      states: (n, k) as mj_getState has them with STATE. Live: what is written here is stepped from.
-      sensors: (n, nsensordata) after the last step or forward pass. Live.
+      address, first: of the batch, for `apply_to_states`, and the number that state 0 has there.
+      states: (n, k) as mj_getState has them with STATE: what is written here is stepped from.
+      sensors: (n, nsensordata) after the last step or forward pass.
       records: (n, steps, nsensordata) room for the sensors of each step of a tick.
-      warnings: (n, 2 kinds) what MuJoCo's last warning of a kind was about, and how many there were. Live.
-      status: (n,) not 0 where the last call failed. Live.
+      warnings: (n, 2 kinds) what MuJoCo's last warning of a kind was about, and how many there were.
+      status: (n,) not 0 where the last call failed.
 
     Raises:
       EngineError: MuJoCo cannot make the batch.
@@ -280,11 +266,7 @@ def _failed(message: Any) -> int:
 
 
 def whole_steps(period: float, timestep: float) -> int:
-    """Return the number of physics steps in one period.
-
-    Raises:
-      ModelError: not a whole number of them.
-    """
+    """Return the number of physics steps in one period; ModelError: not a whole number of them."""
     steps = round(period / timestep)
     if steps < 1 or abs(steps * timestep - period) > 1e-9:
         raise ModelError(f"timestep is {timestep} s; accepted: a whole fraction of the LiDAR's period of {period} s")

@@ -92,10 +92,7 @@ class OtherCar:
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """Knowledge beyond the car's sensors, for planners with `look_round`.
-
-    A planner asks by a method `look_round`, which is called with this before each decision.
-    """
+    """Knowledge beyond the car's sensors, for planners with `look_round`, called with this before each decision."""
 
     world: World
     pose: tuple[float, float, float]  # true x [m], y [m] and heading [rad] of its own rear axle
@@ -145,13 +142,7 @@ class Planners(Protocol):
 
 
 class MessagePlanners:
-    """Planners that are called with messages, one after the other.
-
-    Args:
-      planners: in the order of the cars.
-      raises: whether what a planner raises is raised, and not noted as a failure of its car.
-      timed: calls what makes one decision, and raises DecisionLimitReached where it takes too long; None: any time.
-    """
+    """Planners that are called with messages in turn; an error is noted, or raised with `raises`; `timed` decides."""
 
     def __init__(
         self, planners: Sequence[Controller], *, raises: bool = False, timed: Callable[[Decide], DriveCommand] | None
@@ -161,11 +152,7 @@ class MessagePlanners:
         self.failures: dict[int, PlannerError] = {}
 
     def __call__(self, cars: Cars) -> Reasons | None:
-        """See Planners.
-
-        Raises:
-          PlannerError: a planner raises, or answers something else than a DriveCommand.
-        """
+        """See Planners; PlannerError: a planner raises, or answers something else than a DriveCommand."""
         reasons = np.zeros(len(cars.running), np.int64)
         for row in map(int, np.flatnonzero(cars.running)):
             scan, sensed = _scan_and_odometry(cars, row)
@@ -191,13 +178,7 @@ class MessagePlanners:
 
 
 class BatchPlanners:
-    """Planners of a class that decides for many worlds at once.
-
-    Args:
-      planners: in the order of the cars.
-      kind: their class.
-      raises: whether a command that is no number is raised, and not noted as a failure of its car.
-    """
+    """Planners of a class that decides for many worlds at once; with `raises` a command that is no number is raised."""
 
     def __init__(self, planners: ControllerBatch, kind: type, *, raises: bool = False) -> None:
         self._planners, self._kind, self._raises = planners, kind, raises
@@ -205,12 +186,7 @@ class BatchPlanners:
         self.failures: dict[int, PlannerError] = {}
 
     def __call__(self, cars: Cars) -> Reasons | None:
-        """See Planners.
-
-        Raises:
-          PlannerError: the planners raise, and it is not known whose failure it is; or `raises`, and a command is no
-            number.
-        """
+        """See Planners; PlannerError: it is not known whose failure it is, or `raises` and a command is no number."""
         process = os.getpid()
         try:
             if self._take_readings is not None:
@@ -240,11 +216,7 @@ class BatchPlanners:
         return found if isinstance(found, np.ndarray) and found.dtype == np.int64 and found.ndim == 2 else None
 
     def failed(self, error: BaseException, cars: Cars) -> Reasons:
-        """Return the cars whose planner has failed, after the planners have raised.
-
-        Raises:
-          PlannerError: as a call does.
-        """
+        """Return the cars whose planner has failed, after the planners have raised; PlannerError: as a call does."""
         row = int(cars.running.argmax())
         failed_one = _failed(error, self._kind, *_scan_and_odometry(cars, row))
         if self._raises or cars.running.sum() > 1:
@@ -253,11 +225,7 @@ class BatchPlanners:
         return np.where(cars.running, _FAILED, 0)
 
     def refused(self, cars: Cars) -> Reasons:
-        """Return the cars whose planner has failed, after a command that is no number.
-
-        Raises:
-          PlannerError: as a call does.
-        """
+        """Return the cars whose planner has failed, after a command that is no number; PlannerError: as a call does."""
         failed = not_finite(cars.running, cars.commands)
         for row in map(int, np.flatnonzero(failed)):
             steering_angle, speed = cars.commands[row].tolist()
@@ -270,11 +238,7 @@ class BatchPlanners:
 
 
 class PlannersOfEach:
-    """Planners of cars that have different ones: each group of cars is asked by itself.
-
-    Args:
-      groups: rows of the cars (k,), and the planners of those cars.
-    """
+    """Planners of cars that have different ones: each group, of rows (k,) and planners, is asked by itself."""
 
     def __init__(self, groups: Sequence[tuple[NDArray[np.int64], Planners]]) -> None:
         self._groups = [(rows, planners, _SomeCars()) for rows, planners in groups]
@@ -371,11 +335,7 @@ def odometry_message(row: Any, readings: Mapping[str, Reading] = NO_READINGS) ->
 
 
 def wanted_sensors(kind: type) -> tuple[str, ...]:
-    """Return the names of the sensors that planners of a class read: those of its attribute `sensors`.
-
-    Raises:
-      ControllerError: the attribute is something else than a sequence of names.
-    """
+    """Return the sensors that planners of a class read, its attribute `sensors`; ControllerError: no names."""
     names = getattr(kind, "sensors", ())
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         said = f"controller {kind.__name__} has sensors = {short(names)}"
@@ -385,11 +345,7 @@ def wanted_sensors(kind: type) -> tuple[str, ...]:
 
 @without_exit()
 def start(controller: Controller) -> None:
-    """Reset the controller for a new race.
-
-    Raises:
-      ControllerError: its `reset` raises.
-    """
+    """Reset the controller for a new race; ControllerError: its `reset` raises."""
     try:
         controller.reset()
     except BaseException as error:
@@ -402,11 +358,7 @@ def start(controller: Controller) -> None:
 
 
 def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCommand:
-    """Return the controller's answer to a scan.
-
-    Raises:
-      PlannerError: it raises, or answers something else than a DriveCommand.
-    """
+    """Return the controller's answer to a scan; PlannerError: it raises, or answers no DriveCommand."""
     if not without_exit.active():  # as for a recorded scan: nobody else guards the process
         with without_exit():
             return plan(controller, scan, odometry)

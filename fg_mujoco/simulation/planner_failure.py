@@ -56,10 +56,7 @@ class PlannerFailure:
 
 
 def one_line(error: BaseException) -> str:
-    """Return the kind and the message of an error in one line; of numba's many lines, the ones that say what it is.
-
-    Where the error comes of a NumPy that is newer than the planner, the line says which version to install.
-    """
+    """Return the kind and message of an error in one line; of numba's many lines, those that say what it is."""
     lines = _COLOURS.sub("", _message(error)).splitlines()
     if _of_numba(error):
         saying = [line for line in lines if line.strip() and not line.startswith("Failed in ")]
@@ -79,10 +76,7 @@ def _advice(error: BaseException, said: str) -> str:
 
 
 def is_of_planner(error: BaseException) -> bool:
-    """Return whether an exception is the planner's fault, and not Ctrl-C or the decision limit.
-
-    A planner raises KeyboardInterrupt itself by a `raise` statement. Ctrl-C comes between two other instructions.
-    """
+    """Return whether an error is the planner's, and not the decision limit or Ctrl-C, which no `raise` raises."""
     if issubclass(type(error), DecisionLimitReached):
         return False
     place = _traceback(error)
@@ -94,11 +88,9 @@ def is_of_planner(error: BaseException) -> bool:
 
 
 class without_exit(contextlib.ContextDecorator):  # noqa: N801  # a verb, as in contextlib
-    """Lets `os._exit` raise SystemExit for a while, so that a planner that calls it fails and does not end the process.
+    """Lets `os._exit` raise SystemExit in all threads, so that a planner that calls it fails and ends no process.
 
-    It holds for this process, in all of its threads. Processes that a planner forks end as they would, and at the
-    latest when they come out of here: only the planner's own code runs in them. In the main thread the current folder
-    is again in the end what it was, where a planner has changed it: paths are from there.
+    Forks of a planner end at the latest when they come out of here. The main thread's folder is restored.
     """
 
     _lock, _entered = threading.Lock(), 0
@@ -214,10 +206,7 @@ def _frames(error: BaseException, file: str | None) -> list[traceback.FrameSumma
 
 
 def own_traceback(error: BaseException, file: str | None) -> str:
-    """Return the traceback of an error from the first frame in a planner's file on; where none is in it, all of it.
-
-    Of numba's a hundred lines those are left out that are not of the planner's file.
-    """
+    """Return the traceback from the first frame in a planner's file on, or all; of numba's lines the planner's."""
     frames = _frames(error, file)
     if _of_compiler(error):
         own = [frame for frame in frames if frame.filename == file]
@@ -308,10 +297,7 @@ def _raising_exit(real: Callable[[int], Any], process: int) -> Callable[[int], A
 
 
 def _plain(member: Any) -> FunctionType | None:
-    """Return the function that a member of a class was made of: a static or class method, or a kernel.
-
-    Other members may be anything: nothing of theirs is called.
-    """
+    """Return the function of a member of a class, be it static, a class method or a kernel, and call nothing of it."""
     if issubclass(type(member), (staticmethod, classmethod)):
         member = member.__func__
     member = inspect.getattr_static(member, "py_func", member)

@@ -31,15 +31,7 @@ _SAME_TIME = 1e-9  # [s]
 
 
 class Sensing:
-    """The measurements of an engine's cars that take Python.
-
-    Args:
-      engine: the Engine whose cars measure.
-      arrays: of the cars.
-
-    Attributes:
-      scans: of the cars whose LiDAR has effects, last sensed, by row.
-    """
+    """The measurements of an engine's cars that take Python; `scans` of the cars whose LiDAR has effects, by row."""
 
     def __init__(self, engine: Any, arrays: CarArrays) -> None:
         self.scans: dict[int, LaserScan] = {}
@@ -62,19 +54,7 @@ class Sensing:
         self, row: int, effects: LidarEffects | None, sensors: Sequence[Sensor], seed: int, drift: float, *,
         messages: bool,
     ) -> None:  # fmt: skip
-        """Begin anew for a car: with the effects of its LiDAR, its sensors, and the drift of its odometry.
-
-        Args:
-          row: of the car.
-          effects: of its LiDAR; None: none.
-          sensors: besides LiDAR and odometry.
-          seed: of the noise of both.
-          drift: relative error of the speeds and the yaw rate in its odometry.
-          messages: whether its scans are read as messages, and not only its ranges.
-
-        Raises:
-          SettingsError: a sensor's rate that is not one in a whole number of physics steps.
-        """
+        """Begin anew for a car, of whom scans (`messages`) or ranges only are read; SettingsError as Sensor.steps."""
         self._pipelines.pop(row, None)
         self._row_effects.end(row)
         if effects is not None and effects != LidarEffects():
@@ -121,12 +101,7 @@ class Sensing:
                 engine.ranges[row] = scan.ranges
 
     def follow(self, stepped: Mask, *, last: bool) -> None:
-        """Follow a physics step: LiDARs that move during their sweep, and sensors that measure within a tick.
-
-        Args:
-          stepped: the worlds that did it, (n,).
-          last: whether it ends the tick; sensors then measure when the car senses.
-        """
+        """Follow a physics step of the worlds `stepped` (n,), for what measures within a tick, but for its `last`."""
         engine = self._engine
         for row, pipeline in self._pipelines.items():
             if pipeline.needs_every_step and stepped[row // engine.cars_per_world]:
@@ -205,20 +180,10 @@ class Sensing:
 
 
 class Sampler:
-    """Measures with a sensor on one car, from the start of its race on.
+    """Measures with a sensor on one car, from the start of its race on; `reading` was delivered last.
 
     What is delivered depends on the states of the car, the settings of the sensor and the seed only: it is the same bit
     for bit whatever other cars, worlds and sensors there are.
-
-    Args:
-      sensor: its settings.
-      seed: of the car.
-      steps: physics steps from one measurement to the next.
-      size: of a reading.
-
-    Attributes:
-      sensor, steps: as given.
-      reading: that was delivered last.
     """
 
     def __init__(self, sensor: Sensor, seed: int, *, steps: int, size: int) -> None:
@@ -236,10 +201,6 @@ class Sampler:
 
     def measure(self, step: int, car: CarState) -> None:
         """Measure, if it is time to.
-
-        Args:
-          step: physics steps since the start.
-          car: after them.
 
         Raises:
           SettingsError: the sensor raises, or measures something else than numbers in its columns.

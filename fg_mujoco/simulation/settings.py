@@ -64,13 +64,7 @@ GREATEST_LAPS = 1000
 
 
 def friction_text(mu: float | None, assumed: float | None, floor: str | None = None) -> str:
-    """Return in words the friction coefficient of the tires, and the one that their planner assumes; None: drawn.
-
-    Args:
-      mu: of the tires, or their greatest peak.
-      assumed: by the planner.
-      floor: name of the floor that the friction is of; None: of none.
-    """
+    """Return in words the friction of the tires and the assumed one, None: drawn; and the name of the floor."""
     tires, planner = ("as drawn" if value is None else f"{value:.4g}" for value in (mu, assumed))
     tires += f" on floor {floor}" if floor else ""
     return f"mu {tires}; the planner {'has no limit' if assumed == math.inf else f'assumes {planner}'}"
@@ -90,11 +84,7 @@ def require_time_limit(settings: Any) -> None:
 
 
 def known_settings(settings: Mapping[str, Any], kind: Any, what: str) -> dict[str, Any]:
-    """Return settings by name if all are fields of the dataclass `kind`.
-
-    Raises:
-      SettingsError: one is not; the message has the nearest field.
-    """
+    """Return settings by name; SettingsError: one is no field of the dataclass `kind`; it names the nearest."""
     names = [f.name for f in fields(kind)]
     for name in settings:
         if name not in names:
@@ -103,11 +93,7 @@ def known_settings(settings: Mapping[str, Any], kind: Any, what: str) -> dict[st
 
 
 def as_part(value: Any, kind: type[_Part], name: str) -> _Part:
-    """Return an object of the dataclass `kind`, which `value` is, or a mapping of whose fields it is.
-
-    Raises:
-      SettingsError: it is neither, or the mapping has other names.
-    """
+    """Return an object of the dataclass `kind`, or made of a mapping of its fields; SettingsError: it is neither."""
     if isinstance(value, kind):
         return value
     if isinstance(value, Mapping):
@@ -122,11 +108,7 @@ def as_part(value: Any, kind: type[_Part], name: str) -> _Part:
 
 
 def as_parts(values: Any, kind: type[_Part], name: str) -> tuple[_Part, ...]:
-    """Return objects of the dataclass `kind`, each made as by `as_part`.
-
-    Raises:
-      SettingsError: it is no sequence, or one of it cannot be had; the message has its place.
-    """
+    """Return objects of `kind`, each as by `as_part`; SettingsError: no sequence, or one of it, by its place."""
     if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
         said = f"{name} is {shown(values)}"
         raise SettingsError(f"{said}; accepted: a sequence of {kind.__name__}, such as [{kind.__name__}(...)]")

@@ -49,10 +49,7 @@ def listener() -> _Listener | None:
 
 
 def pass_on(to: Callable[[], _Listener | None]) -> None:
-    """Let this thread's values go to the listener that `to` returns when they are shown.
-
-    A planner that works in a thread of its own calls it there.
-    """
+    """Let this thread's values go to the listener that `to` returns then, as those of a planner's own thread."""
 
     def give(name: Any, value: Any, draw: Any, frame: Any) -> None:
         taker = to()

@@ -22,10 +22,7 @@ Make = Callable[[World, slice, int, "CarsAlone | None"], WorldBatch]
 
 
 class Slots:
-    """Batches of one world each: those of the same World in the same share have one compiled model.
-
-    A batch that a world leaves is kept for the next one that comes.
-    """
+    """Batches of one world each, kept when a world leaves: those of a World in a share have one compiled model."""
 
     def __init__(self) -> None:
         self._of: dict[tuple[int, World], _SameWorld] = {}  # by share
@@ -35,17 +32,7 @@ class Slots:
     def take(
         self, make: Make, share: int, world: World, place: slice, arrays: CarArrays, monitor: RaceMonitor, room: int
     ) -> WorldBatch:
-        """Return a batch of a world for a slice of the engine, whose arrays and monitor these are.
-
-        Args:
-          make: makes a batch.
-          share: number of the thread that drives it.
-          world: of the batch.
-          place: slice of one world.
-          arrays: of all cars.
-          monitor: of all races.
-          room: states that each compiled model has room for. A state takes about 1 MB, and a model about 5 MB.
-        """
+        """Return a batch of a world for a slice, of a model with `room` for states of 1 MB each, and of 5 MB itself."""
         key = share, world
         if key not in self._of:
             alone = self._cars_alone(share, world)

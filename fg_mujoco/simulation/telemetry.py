@@ -51,11 +51,7 @@ heading and to the left of it, its slip angle and its slip ratio, as in TireSlip
 
 
 def column_index(name: str) -> int:
-    """Return the index of a column of the telemetry; the unit in its name may be left out, as in "speed".
-
-    Raises:
-      SettingsError: none has.
-    """
+    """Return the index of a column, whose unit may be left out, as in "speed"; SettingsError: there is none."""
     found = with_unit(name, TELEMETRY) if isinstance(name, str) else None
     if found is None:
         raise SettingsError(f"the telemetry has no column {name!r}; {accepted_names(name, TELEMETRY)}")
@@ -63,12 +59,7 @@ def column_index(name: str) -> int:
 
 
 def column_meant(name: str, other: str | None) -> str | None:
-    """Return the attribute that was probably meant by one that a result does not have.
-
-    Args:
-      name: of the attribute.
-      other: attribute that is most similar, if any. A column whose unit is left out is more so.
-    """
+    """Return the attribute probably meant: `other`, the most similar one, or rather a column without its unit."""
     if other is not None and name in other:
         return other
     found = with_unit(name, TELEMETRY) or (nearest(name, TELEMETRY) if other is None else None)
@@ -145,17 +136,7 @@ def recorded_command(command: DriveCommand) -> DriveCommand:
 def begin_row(
     time: float, qpos: FloatArray, qvel: FloatArray, car: CarArray, timers: NDArray[np.void], i: int, row: FloatArray
 ) -> None:
-    """Write the columns of a tick's row of telemetry that are the state at its start.
-
-    Args:
-      time: [s].
-      qpos: of the model.
-      qvel: of the model.
-      car: (1,) of CAR.
-      timers: (n,) of LAP_TIMER.
-      i: which of them is the car's.
-      row: (len(TELEMETRY),), written to.
-    """
+    """Write the state at the start of a tick, at `time` [s], with timers (n,) of LAP_TIMER, to its `row`."""
     row[0] = time
     row[1], row[2], row[3] = timers[i].laps_completed + 1, timers[i].progress, timers[i].offset
     row[4], row[5], row[6] = planar_pose(qpos, car)
@@ -167,15 +148,7 @@ def begin_row(
 
 @kernel
 def end_motion(time: float, qpos: FloatArray, qvel: FloatArray, car: CarArray, row: FloatArray) -> None:
-    """Write the mean acceleration over a tick to its row of telemetry.
-
-    Args:
-      time: at the end of the tick [s].
-      qpos: of the model then.
-      qvel: of the model then.
-      car: (1,) of CAR.
-      row: (len(TELEMETRY),) with the state at the start of the tick, written to.
-    """
+    """Write the mean acceleration over a tick, which ends at `time` [s], to its `row` (len(TELEMETRY),)."""
     lever, before = car[0].rear_axle_distance, row[_HEADING]
     vx, vy = body_velocity(qpos, qvel, car)
     _, _, heading = planar_pose(qpos, car)
@@ -194,12 +167,7 @@ def end_motion(time: float, qpos: FloatArray, qvel: FloatArray, car: CarArray, r
 
 @kernel
 def end_row(row: FloatArray, slip: FloatArray) -> None:
-    """Fill in what the tires did in the row of telemetry of a tick.
-
-    Args:
-      row: (len(TELEMETRY),), its columns of the tires and the steps written to.
-      slip: (QUANTITIES, steps, 4) of `measure_slip`.
-    """
+    """Write to a tick's `row` (len(TELEMETRY),) what the tires did: `slip` (QUANTITIES, steps, 4) of `measure_slip`."""
     row[_SLIDING_STEPS] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
     row[_SLIDING_STEPS + 1] = slip.shape[1]
     for tire in range(4):
@@ -210,14 +178,7 @@ def end_row(row: FloatArray, slip: FloatArray) -> None:
 
 @kernel
 def add_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatArray) -> None:
-    """Add the row of telemetry of a tick to the running statistics; arguments as in `end_row`.
-
-    Args:
-      statistics: (n,) of STATISTICS, written to.
-      i: which of them.
-      row: (len(TELEMETRY),).
-      slip: (QUANTITIES, steps, 4).
-    """
+    """Add a tick's `row` to the running statistics (n,) of STATISTICS at `i`; arguments as in `end_row`."""
     so_far = statistics[i]
     so_far.ticks += 1
     so_far.steps += slip.shape[1]

@@ -181,11 +181,7 @@ def end_reason(
     last_progress_time: float,
     last_time: float,
 ) -> int:
-    """Return the number in END_REASONS of why a race is over, 0 while it goes on.
-
-    `back` [m] is how far the car has come back, as WRONG_WAY_LIMIT says.
-    `last_time` [s] is half a tick before the time limit, because times are sums of many ticks.
-    """
+    """Return the number in END_REASONS of why a race is over, 0: it goes on; `last_time` [s] is half a tick early."""
     if unstable:
         return _UNSTABLE
     if crashed:
@@ -205,10 +201,7 @@ def end_reason(
 
 @kernel
 def end_of_endless(unstable: bool, crashed: bool, rolled_over: bool, time: float, last_time: float) -> int:
-    """Return the number in END_REASONS of why a race on a course without end is over, as `end_reason` does.
-
-    The car may stand or turn round there, and the race is finished when its time is over.
-    """
+    """Return the same on a course without end, where a car may stand or turn, and is finished when its time is over."""
     if unstable:
         return _UNSTABLE
     if crashed:

@@ -214,11 +214,7 @@ def _warn_of_lifting(car: Car) -> None:
 
 
 def compiled_model(xml: str) -> mujoco.MjModel:
-    """Return the model of an MJCF text, which is the caller's own. The last few texts are compiled once.
-
-    Raises:
-      ValueError: it does not compile.
-    """
+    """Return the model of an MJCF text, the caller's own; the last texts are compiled once; ValueError: a bad one."""
     return copy(_compiled(xml))
 
 
@@ -396,10 +392,7 @@ def _add_moving(spec: Any, name: str, obstacle: MovingObstacle) -> None:
 
 
 def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, ...], body: Any = None) -> None:
-    """Add the convex hull of `vertices` (n, 3) [m] as a solid that the chassis hits; rays see it unless invisible.
-
-    It belongs to `body`, or to the world.
-    """
+    """Add the hull of `vertices` (n, 3) [m] to `body`, or to the world, as a solid; rays see it unless invisible."""
     mesh = spec.add_mesh(name=name, uservert=vertices.ravel())
     mesh.needsdf = False
     geom = (body or spec.worldbody).add_geom(

@@ -102,12 +102,6 @@ class WorldBatch:
     """Worlds that share a compiled model.
 
     Args:
-      world: that they share.
-      worlds: which of the engine's they are, consecutive.
-      cars_per_world: m.
-      arrays: of the engine's cars.
-      monitor: of the engine's races.
-      substeps: physics steps of a tick.
       period: of a tick [s].
       time_limit: of simulated time [s]; None: that of the course.
       own_model: step `world.model` itself, so that changes to it take effect; else a copy.
@@ -115,12 +109,8 @@ class WorldBatch:
       alone: the cars of the world, which are stepped in the world's place where they touch nothing; None: never.
 
     Attributes:
-      world, worlds: as given.
-      rows: of their cars among the engine's, r of them.
-      layout: of a state.
-      physics: the Batch of their states.
-      all_physics: the Batch that these are a part of.
-      cars: Car of each row.
+      rows, cars: of their cars among the engine's, r of them, and the Car of each.
+      layout, physics, all_physics: of a state; the Batch of their states, and that which these are a part of.
       slip: what the tires of the car that was driven last did, (QUANTITIES, substeps, 4), as TireSlip.values.
       clear: where the cars touch nothing.
     """
@@ -192,10 +182,7 @@ class WorldBatch:
             self._table.put(name, values)
 
     def another(self, physics: Batch, worlds: slice, arrays: CarArrays, monitor: RaceMonitor) -> WorldBatch:
-        """Return a batch of as many other worlds of the engine that are the same, with states of their own.
-
-        Both share all else that they read, and the room that they calculate in: they are for one thread.
-        """
+        """Return a batch of as many other worlds that are the same; all but states is shared, for the one thread."""
         new = copy(self)
         new.physics, new.cars = physics, list(self.world.cars) * (worlds.stop - worlds.start)
         new._take_rows(worlds, arrays, monitor)

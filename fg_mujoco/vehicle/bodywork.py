@@ -47,10 +47,7 @@ def solref(timestep: float, push: float = _PUSH) -> tuple[float, float]:
 
 
 def harden(geom: Any, timestep: float, push: float = _PUSH) -> None:
-    """Let a spec's geom bounce as a body does, in place, and without friction; so must what it touches.
-
-    Of two geoms that touch, MuJoCo takes the greater push.
-    """
+    """Let a spec's geom bounce as a body does, in place, without friction; of two the greater push counts."""
     geom.solref[:], geom.solimp[:], geom.condim = solref(timestep, push), _IMPEDANCE, 1
 
 

@@ -25,11 +25,7 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 
 def element_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
-    """Return the index of a named element.
-
-    Raises:
-      ModelError: the model has none of that name.
-    """
+    """Return the index of a named element; ModelError: the model has none of that name."""
     index = mujoco.mj_name2id(model, kind, name)
     if index < 0:
         noun = kind.name.removeprefix("mjOBJ_").lower()
@@ -38,11 +34,7 @@ def element_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
 
 
 def sensor_slice(model: mujoco.MjModel, name: str) -> slice:
-    """Return the slice of `data.sensordata` that has the readings of a named sensor.
-
-    Raises:
-      ModelError: the model has no sensor of that name.
-    """
+    """Return where in `data.sensordata` the readings of a named sensor are; ModelError: there is none of that name."""
     sensor = element_id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
     start = int(model.sensor_adr[sensor])
     return slice(start, start + int(model.sensor_dim[sensor]))
@@ -135,11 +127,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
 
 
 def steering_of(model: mujoco.MjModel, prefix: str = "") -> tuple[int, tuple[int, int, int]]:
-    """Return the servo of a car's steering, and the joints of the steering, the left and the right kingpin.
-
-    Raises:
-      ModelError: the model does not hold the car under this prefix.
-    """
+    """Return a car's steering servo, and the joints of steering, left and right kingpin; ModelError: no such car."""
     joint, names = mujoco.mjtObj.mjOBJ_JOINT, ("steering", "front_left_kingpin", "front_right_kingpin")
     steering, left, right = (element_id(model, joint, f"{prefix}{name}") for name in names)
     return element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering"), (steering, left, right)

@@ -80,16 +80,7 @@ def scaled_mu(present: Sequence[float], mu: float) -> list[float]:
 
 
 def change_spec(spec: Any, changes: CarChanges, plain: Any) -> None:
-    """Change a vehicle's spec, in place.
-
-    Args:
-      spec: as `Vehicle.spec` makes it.
-      changes: to be made.
-      plain: the compiled mujoco.MjModel of the vehicle as it is.
-
-    Raises:
-      SettingsError: a mass or height that the chassis cannot have.
-    """
+    """Change a vehicle's spec, in place; SettingsError: a mass or height that the chassis cannot have."""
     if changes.mu is not None:
         set_mu(spec, six_digits(changes.mu))
     if changes.mass is not None or changes.center_of_gravity_height is not None:
@@ -105,14 +96,7 @@ def change_spec(spec: Any, changes: CarChanges, plain: Any) -> None:
 
 
 def change_worlds(batch: Any, changes: Sequence[CarChanges], plain: Any, prefix: str = "") -> None:
-    """Change the car of each world of a mujoco.batch.Batch, whose model has the car unchanged.
-
-    Args:
-      batch: of `len(changes)` worlds; where any of them has a `command_delay`, its model must have one too.
-      changes: one for each world.
-      plain: the compiled mujoco.MjModel of the vehicle as it is, of `Vehicle.compile`.
-      prefix: of the car's names in the batch's model.
-    """
+    """Change the car of each world of a Batch; of a `command_delay` the model has one; `plain` of Vehicle.compile."""
     model = batch.model
     pairs = [model.pair(f"{prefix}{wheel}_tire").id for wheel in WHEELS]
     chassis = model.body(prefix + _CHASSIS).id

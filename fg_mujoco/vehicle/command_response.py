@@ -64,11 +64,7 @@ class CommandResponse:
 
 
 def command_response(model: mujoco.MjModel) -> CommandResponse:
-    """Return how the car of a compiled model answers commands; the model has the car alone, without a prefix.
-
-    Raises:
-      ModelError: a numeric with another number of values, or a value out of its range.
-    """
+    """Return how the car of a model, alone and without a prefix, answers commands; ModelError: a wrong numeric."""
     found = {name: _values(model, name) for name in _PARTS}
     steering, acceleration = found[STEERING_MAP] or (1.0, 0.0), found[ACCELERATION_MAP] or (1.0, 1.0, 0.0)
     gain, braking, late = acceleration

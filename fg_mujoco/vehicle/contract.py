@@ -92,11 +92,7 @@ PARTS = tuple(_parts())
 
 
 def check_names(spec: Any, where: str) -> None:
-    """Refuse a spec without some of PARTS, or with some of another type.
-
-    Raises:
-      ModelError: naming all of them.
-    """
+    """Refuse a spec without some of PARTS, or with some of another type; ModelError: naming all of them."""
     faults: list[tuple[str, str]] = []
     for part in PARTS:
         element = getattr(spec, part.kind)(part.name)
@@ -139,18 +135,7 @@ def _type_name(kind: Any) -> str:
 
 
 def check_model(model: Any, beams: Beams, where: str) -> None:
-    """Refuse a compiled vehicle that cannot be driven: its wheels, its servos, its constants, how it stands.
-
-    Front wheels that are not steered as Ackermann's are warned of.
-
-    Args:
-      model: the vehicle alone on its ground.
-      beams: of its LiDAR.
-      where: for messages.
-
-    Raises:
-      ModelError: saying all that is wrong, and what is accepted.
-    """
+    """Refuse a compiled vehicle that cannot be driven by a ModelError; warn of front wheels unlike Ackermann's."""
     if model.nv > _MOST_DOFS:
         raise ModelError(f"{where}: {model.nv} degrees of freedom; accepted: {_MOST_DOFS} at most")
     try:

@@ -56,11 +56,7 @@ def _word(kind: str) -> str:
 
 
 def check_drive(model: Any) -> None:
-    """Refuse a compiled vehicle, on its tires, that does not drive for a second, steered a little.
-
-    Raises:
-      ModelError: it asks for what its tires do not obey, its state gets out of bounds, or it does not go forward.
-    """
+    """Refuse a compiled vehicle, on its tires, that does not drive for a second, steered a little, by a ModelError."""
     car, forces, data = Car(model), TireForces(model), mujoco.MjData(model)
     forces.begin(data)
     speed = min(_COMMANDED, car.parameters.max_speed)

@@ -100,11 +100,7 @@ class DriveLine:
 
     @classmethod
     def of(cls, model: mujoco.MjModel, prefix: str = "") -> DriveLine:
-        """Return that of a car in a compiled model.
-
-        Raises:
-          ModelError: the model does not hold the car under this prefix, or a drive line that is none.
-        """
+        """Return that of a car in a compiled model; ModelError: no such car, or a drive line that is none."""
         drive = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")
         if drive < 0:
             raise ModelError("the model has no tendon named 'drive'; accepted: a model with the car under this prefix")

@@ -81,11 +81,7 @@ class Patch:
 
 
 def require_patches(patches: Any) -> tuple[Patch, ...]:
-    """Return patches as a tuple.
-
-    Raises:
-      SettingsError: this is no sequence of Patch.
-    """
+    """Return patches as a tuple; SettingsError: this is no sequence of Patch."""
     if not isinstance(patches, Iterable):
         raise SettingsError(f"patches is {shown(patches)}; accepted: a sequence of Patch")
     found = tuple(patches)
@@ -114,7 +110,6 @@ class PatchedFloor:
     Args:
       model: compiled from a spec that `add_patches` was called with, or from its XML. `apply` writes to it: it must not
         be shared with another simulation.
-      prefix: of the car's names.
 
     Attributes:
       patches: as they are in the model.
@@ -181,16 +176,9 @@ def patch_table(model: mujoco.MjModel) -> FloatArray:
 def look_at_floor(
     x: float, y: float, heading: float, wheels: FloatArray, patches: FloatArray, mu: FloatArray, under: FloatArray
 ) -> None:
-    """Write the friction that each tire has on the floor under it.
+    """Write what each tire has on the floor `under` it (4,) [-], of a car at x, y [m] and heading [rad] in the world.
 
-    Args:
-      x: of base_link [m], world frame.
-      y: [m].
-      heading: [rad].
-      wheels: (4, 2) of `wheel_positions`.
-      patches: (n, 7) of `patch_table`.
-      mu: (4,) of the tires on the ground [-].
-      under: (4,) [-], written to.
+    `wheels` (4, 2) are of `wheel_positions`, patches (n, 7) of `patch_table`, `mu` (4,) of the tires on the ground [-].
     """
     cos, sin = math.cos(heading), math.sin(heading)
     greatest = max(mu[0], mu[1], mu[2], mu[3])
@@ -209,15 +197,7 @@ def look_at_floor(
 def random_patches(
     track: Track, count: int, rng: np.random.Generator, *, mu: float, length: float = 1.5, width: float = 1.4
 ) -> tuple[Patch, ...]:
-    """Return patches along a track, one in each of `count` equal parts of the lap, none of them near the start.
-
-    Args:
-      track: the Track.
-      count: of the patches.
-      rng: what makes their places random: along the part, and across the corridor.
-      mu: friction coefficient on all of them [-].
-      length: along the track [m].
-      width: across [m].
+    """Return patches of `mu` [-], length and width [m], in equal parts of the lap, away from its start.
 
     Raises:
       SettingsError: fewer than one, or parts that are shorter than a patch.

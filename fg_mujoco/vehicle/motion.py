@@ -122,17 +122,11 @@ def read_motions(
     poses: FloatArray,
     velocities: FloatArray,
 ) -> None:
-    """Write the true poses and velocities of the cars `which` of some worlds.
+    """Write true poses and velocities of the cars `which` (r,) of worlds with states (r / m, k), as base_link moves.
 
     Args:
-      which: (r,).
-      cars_per_world: m.
-      states: of the worlds, (r / m, k).
-      first_qpos: where the positions begin in a state.
-      first_qvel: where the velocities begin.
-      cars: (r,).
-      poses: of base_link, x [m], y [m], heading [rad], (r, 3), written to.
-      velocities: of base_link ahead and to the left [m/s], and the yaw rate [rad/s], (r, 3), written to.
+      poses: x [m], y [m], heading [rad], (r, 3), written to.
+      velocities: ahead and to the left [m/s], and the yaw rate [rad/s], (r, 3), written to.
     """
     for row in range(len(which)):
         if which[row]:
@@ -147,10 +141,9 @@ def read_motions(
 def point_motion(
     qpos: FloatArray, qvel: FloatArray, ahead: float, car: CarArray
 ) -> tuple[float, float, float, float, float, float]:
-    """Return the motion of a point of the car that is `ahead` [m] of base_link.
+    """Return the motion of a point `ahead` [m] of base_link: x, y [m], heading [rad], velocity, yaw rate [rad/s].
 
-    These are its x [m], y [m] and heading [rad] in the world, its velocity over the ground, forward and to the left of
-    that heading [m/s], and the yaw rate [rad/s].
+    Its velocity over the ground is that forward and to the left of the heading [m/s].
     """
     x, y, heading = planar_pose(qpos, car)
     i, cos, sin = car[0].free_dof, math.cos(heading), math.sin(heading)
@@ -161,10 +154,9 @@ def point_motion(
 
 @kernel
 def sideslip_angle(vx: float, vy: float, yaw_rate: float, car: CarArray) -> float:
-    """Return the sideslip angle at the centre of gravity [rad], NaN below SIDESLIP_SPEED.
+    """Return the angle from the heading to the velocity of the centre of gravity [rad], left positive, as in ISO 8855.
 
-    It is the angle from the car's heading to the velocity, left positive, as in ISO 8855: pi where a car goes straight
-    back. `vx` and `vy` [m/s] are of `body_velocity`.
+    It is pi where a car goes straight back, NaN below SIDESLIP_SPEED. `vx` and `vy` [m/s] are of `body_velocity`.
     """
     left = vy + yaw_rate * car[0].rear_axle_distance
     if math.hypot(vx, left) < SIDESLIP_SPEED:

@@ -28,11 +28,7 @@ from ..errors import EngineError
 
 @cache
 def library_path() -> str:
-    """Return the file of the MuJoCo library that the Python package uses.
-
-    Raises:
-      EngineError: there is none beside the package.
-    """
+    """Return the MuJoCo library that the Python package uses; EngineError: there is none beside it."""
     folder = Path(mujoco.__file__).parent
     for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
         for path in sorted(folder.glob(pattern)):
@@ -155,11 +151,7 @@ _BEHIND_IN_MODEL, _BEHIND_IN_DATA = 340, 120  # and behind it: the structures ar
 
 @cache
 def fields() -> Fields:
-    """Return where this build of MuJoCo keeps the arrays of its structures.
-
-    Raises:
-      EngineError: they are not found.
-    """
+    """Return where this build of MuJoCo keeps the arrays of its structures; EngineError: they are not found."""
     model = mujoco.MjModel.from_xml_string(_SAMPLE)
     data = mujoco.MjData(model)
     found = _places(model, {name: name for name in _OF_MODEL}, anchor="dof_damping", behind=_BEHIND_IN_MODEL)

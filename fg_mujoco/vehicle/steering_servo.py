@@ -71,13 +71,7 @@ def is_plain_servo(model: mujoco.MjModel, actuator: int, like: int) -> bool:
 
 
 def is_ours(model: mujoco.MjModel, servo: int, joints: Sequence[int]) -> bool:
-    """Return whether our own steps know all that a model says of a steering.
-
-    Args:
-      model: compiled.
-      servo: actuator of the steering.
-      joints: of the steering, and of the left and the right kingpin.
-    """
+    """Return whether our own steps know all that a model says of a steering."""
     equalities, dofs = ackermann(model, joints), model.jnt_dofadr[list(joints)]
     servo_is_ours = is_plain_servo(model, servo, 0) and model.actuator_trnid[servo, 0] == joints[0]
     return bool(
@@ -169,8 +163,7 @@ def _pulls(model: mujoco.MjModel, tendon: int) -> bool:
 def response(model: mujoco.MjModel, servo: int, joints: Sequence[int]) -> tuple[float, float, float]:
     """Return how a steering answers: greatest angle [rad] and rate [rad/s], and time constant below that rate [s].
 
-    Those of a steering of ours follow from its numbers; others are driven by MuJoCo, from lock to lock and by a small
-    step. Arguments are those of `is_ours`.
+    Those of a steering of ours follow from its numbers; others are driven by MuJoCo. Arguments are those of `is_ours`.
 
     Raises:
       ModelError: a steering that does not turn as it is commanded.

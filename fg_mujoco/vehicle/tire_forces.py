@@ -192,10 +192,7 @@ def _servo_slope(model: int, data: int, found: Fields, gear: Any, dofs: int) -> 
 def damp_steering(
     model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, dofs: int, share: float
 ) -> bool:  # fmt: skip
-    """Add to MuJoCo's inertia, `share` [s] times, the damping of the steerings that its stages move; False: none.
-
-    Its `implicitfast` solves constraints without damping, which counts in what moves the state only.
-    """
+    """Add to the inertia, `share` [s] times, what constraints lack, damping of steerings of MuJoCo's; False: none."""
     damping, qvel = stages.vector(model, found.dof_damping, dofs), stages.vector(data, found.qvel, dofs)
     higher, any_handed = stages.vector(model, found.dof_dampingpoly, 2 * dofs), False
     matrix = stages.vector(data, found.inertia, len(inertia.columns))
@@ -245,23 +242,7 @@ def step_on_tires(
 ) -> None:  # fmt: skip
     """Do a physics step of a model whose cars have tires of ours, or only work out its forces and sensors.
 
-    Arguments are those of `push_car`, of all cars, those on MuJoCo's contacts included (their `first_tire` is -1).
-
-    Args:
-      model: address of the mujoco.MjModel.
-      data: address of the mujoco.MjData, written to.
-      found: where the arrays of model and data are.
-      inertia: of the model.
-      gears: (m,) of GEAR.
-      tires: (k,) of TIRE, of the cars with tires of ours.
-      mu: (m, wheels) lateral peak of each tire [-].
-      userdata: of the data.
-      scratch: (SCRATCH,) room.
-      dofs: of the model.
-      timestep: [s].
-      advance: whether to move the state.
-      clear: whether there is no contact to be found.
-      last: whether somebody reads the accelerometers of this step.
+    Arguments are those of `push_car`, of all cars: `gears` (m,), `tires` (k,), `mu` (m, wheels) [-], timestep [s].
     """
     count, wheels = mu.shape
     begin_step(model, data, found, clear)
@@ -320,10 +301,7 @@ def steps_on_tires(
     userdata: FloatArray, scratch: FloatArray, dofs: int, timestep: float, readings: FloatArray, records: FloatArray,
     states: FloatArray,
 ) -> None:  # fmt: skip
-    """Do a physics step for each row of `records` and `states`, and write `readings` and `userdata` there.
-
-    Arguments are those of `step_on_tires`; `readings` is the sensordata of the data.
-    """
+    """Do a physics step for each row of `records` and `states`; write `readings`, sensordata, and `userdata` there."""
     for step in range(len(records)):
         step_on_tires(
             model, data, found, inertia, gears, tires, mu, userdata, scratch, dofs, timestep, True, False, True
@@ -385,10 +363,7 @@ def begin_step(model: int, data: int, found: Fields, clear: bool) -> None:
 
 @kernel
 def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool, last: bool) -> None:
-    """Do MuJoCo's stages from the acceleration with the tires' forces on.
-
-    `advance`: move the state, too; `last`: somebody reads the accelerometers of this step.
-    """
+    """Do MuJoCo's stages from the acceleration on; `last`: somebody reads the accelerometers of this step."""
     acceleration, smooth = stages.vector(data, found.qacc_smooth, dofs), stages.vector(data, found.qfrc_smooth, dofs)
     stages.solve_inertia(model, data, acceleration.ctypes.data, smooth.ctypes.data, 1)
     stages.stage_constraint(model, data)
@@ -414,20 +389,12 @@ def advance_damped(model: int, data: int, found: Fields, dofs: int) -> None:
 
 @kernel
 def place_between(data: int, found: Fields, gear: Any, dofs: int, before: FloatArray, timestep: float) -> None:
-    """Do what a car that turns does in a physics step, where MuJoCo takes what is at its beginning or at its end.
+    """Do what a car that turns does in a step, of `before` (3,), its velocities along x, y [m/s] and yaw rate [rad/s].
 
     Forces turn with the car: it speeds up along its mean heading, and not along that of before. It moves over the
     ground by the mean of its velocities before and after, and turns likewise: with the velocity after, a car that
     slides at v comes to rest v h / 2 too soon, and its tires answer to steering late. Not where something else than
     tires stops the car: a contact counts on it.
-
-    Args:
-      data: address of the mujoco.MjData, written to.
-      found: where its arrays are.
-      gear: of GEAR.
-      dofs: of the model.
-      before: velocities before the step, (3,): along x and y of the ground [m/s], and of the heading [rad/s].
-      timestep: [s].
     """
     velocity, position = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qpos, gear.free_qpos + 7)
     free = gear.free_dof

@@ -45,10 +45,7 @@ def unlikely() -> Any:
 
 @kernel
 def slips(tire: Any, along: float, across: float) -> tuple[float, float, float]:
-    """Return slip ratio and slip angle [rad] of deflections [m], and the size of both, 1 at the peak.
-
-    The signs are those of the deflections: a wheel that brakes has a positive slip, one that drifts to the left, too.
-    """
+    """Return slip ratio and angle [rad] of deflections [m], positive if braked or drifting left, and their size."""
     ratio, angle = along / tire.relaxation_length, math.atan(across / tire.relaxation_length)
     share_x, share_y = ratio / tire.peak_slip[0], angle / tire.peak_slip[1]
     return ratio, angle, math.sqrt(share_x * share_x + share_y * share_y)
@@ -56,10 +53,7 @@ def slips(tire: Any, along: float, across: float) -> tuple[float, float, float]:
 
 @kernel
 def patch_force(tire: Any, along: float, across: float, grip: float) -> tuple[float, float]:
-    """Return the force [N] along the heading and to the left of a contact patch that is deflected by so much [m].
-
-    `grip` is the load [N] times what scales the curves: load sensitivity and friction.
-    """
+    """Return the force [N] ahead and left of a patch that is deflected [m]; `grip` [N] is of `grip_of`."""
     ratio, angle, size = slips(tire, along, across)
     return _shared_force(tire, ratio / tire.peak_slip[0], angle / tire.peak_slip[1], size, grip)
 
@@ -87,18 +81,13 @@ def deflect(
     """Return the deflections of a contact patch after a short step [m], and its force then [N].
 
     Args:
-      tire: of TIRE.
-      along: deflection before, along the heading [m].
-      across: to the left [m].
-      over_x: velocity of the contact point over the ground, forward [m/s].
-      over_y: to the left [m/s].
+      along, across: deflection before, along the heading and to the left [m].
+      over_x, over_y: velocity of the contact point over the ground, likewise [m/s].
       forward: that of the wheel, without sign [m/s].
-      grip: as in `patch_force`.
       timestep: [s].
 
     Returns:
-      Deflections, forces, the size of the slip over that of the peak, and how fast it slides, forward and to the left
-      [m/s].
+      Deflections, forces, size of the slip over that of the peak, and how fast it slides, ahead and to the left [m/s].
     """
     if tire.holds:
         left, reach = rolled(forward, tire.relaxation_length, timestep)
@@ -127,10 +116,7 @@ def deflect(
 
 @kernel
 def rolled(forward: float, relaxation_length: float, timestep: float) -> tuple[float, float]:
-    """Return which share of a deflection is left after a short step of rolling, and what a velocity adds to it [s].
-
-    Both are exact where the velocities stay.
-    """
+    """Return the share of a deflection left after a short step, and what a velocity adds [s]: exact if it stays."""
     way = timestep * forward / relaxation_length
     if way < 1e-6:
         return 1.0 - way, timestep
@@ -140,10 +126,7 @@ def rolled(forward: float, relaxation_length: float, timestep: float) -> tuple[f
 
 @kernel
 def damping_of(tire: Any, forward: float, timestep: float) -> tuple[float, float]:
-    """Return the force of damping for each metre of deflection in a short step, along the heading and across [N/m].
-
-    Across it fades with the wheel's speed forward [m/s].
-    """
+    """Return what damps each metre of deflection, along the heading and across, where it fades with the speed [N/m]."""
     standing = max(1.0 - forward / _ROLLING, 0.0)
     return tire.damping / timestep, tire.damping * standing / timestep
 

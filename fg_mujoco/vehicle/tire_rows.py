@@ -126,12 +126,9 @@ GearRows = NDArray[np.void]
 
 
 def put_on(spec: Any, tires: Tires) -> Tires:
-    """Put tires on a vehicle's spec, in place: the numbers that `tires_of` reads, and the friction of its pairs.
+    """Put tires on a vehicle's spec, in place, for `tires_of`, with its friction; return them with it.
 
     The pairs stay as they are but for that, so that MuJoCo alone can drive the model, on its own contacts.
-
-    Returns:
-      The tires, with the vehicle's friction where they give none.
 
     Raises:
       ModelError: a pair that asks for a contact that tires of ours do not have.
@@ -192,8 +189,7 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
     """Return the rows of TIRE of a car in a compiled model, in the order of its wheels; none for the model `contact`.
 
     Raises:
-      ModelError: the model does not hold the car under this prefix, a wheel hangs on too many joints, or the model
-        says of a tire or a tendon what our steps do not obey.
+      ModelError: no such car, too many joints, or what the model says of a tire or tendon and our steps do not obey.
     """
     tires = tires_of(model, prefix)
     if tires.is_contact:
@@ -347,11 +343,7 @@ def _spinning_mass(model: mujoco.MjModel, row: Any) -> float:
 
 
 def steps_within(model: mujoco.MjModel, rows: TireRows, timestep: float) -> int:
-    """Return in how many short steps a physics step moves the tires.
-
-    Raises:
-      ModelError: a step that is too long for tires so stiff.
-    """
+    """Return how many short steps of the tires a physics step has; ModelError: too long for tires so stiff."""
     fastest = 0.0  # [rad/s] of all, over what a short step may be of it
     for row in rows:
         mass = float(model.body_mass[row["body"]])
@@ -371,11 +363,7 @@ def steps_within(model: mujoco.MjModel, rows: TireRows, timestep: float) -> int:
 
 
 def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
-    """Return how a car is steered and driven, (1,) of GEAR; whoever has the rows of all tires writes `first_tire`.
-
-    Raises:
-      ModelError: the model does not hold the car under this prefix.
-    """
+    """Return how a car is steered and driven, (1,) of GEAR, but for `first_tire`; ModelError: no such car."""
     gears, kinds = no_gear(), mujoco.mjtObj
     gear = gears[0]
     for k, name in enumerate(("steering", "speed")):
@@ -487,13 +475,9 @@ def no_gear() -> GearRows:
 
 
 def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
-    """Switch off what `push_car` does in MuJoCo's place, in a compiled model, in place.
+    """Switch off in a compiled model, in place, what `push_car` does; return whether the car has tires of ours.
 
-    These are the contacts of a car's tires, and where it is steered by Ackermann's equalities, these. A joint's damping
-    is then taken implicitly by `push_car`, and not by MuJoCo's Euler step.
-
-    Returns:
-      Whether the car has tires of ours; else nothing was done.
+    These are the contacts of its tires, Ackermann's equalities where it is steered by them, and implicit joint damping.
     """
     if tires_of(model, prefix).is_contact:
         return False

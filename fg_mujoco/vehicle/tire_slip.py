@@ -74,10 +74,7 @@ a tire passes this: measured, and much less than that of a contact, which counts
 
 
 def slides_above(model: str) -> float:
-    """Return the sliding speed above which a tire of a model slides [m/s].
-
-    That of a tire with a curve counts from its peak: it slides where there is any.
-    """
+    """Return the speed above which a tire of a model slides [m/s]; of one with a curve it counts from the peak."""
     if model == CONTACT:
         return SLIDING_SPEED
     return BRISTLES_SLIDE if model in LAW_OF and LAW_OF[model].holds else 0.0
@@ -317,15 +314,11 @@ def measure_slip(
 
     Args:
       records: (at least steps, m) sensor readings, one row a step.
-      start: where in a row the tires' are.
       axles: where in a row the axles' are; -1: nowhere.
       mu: (steps, 4), or (1, 4) where all steps have the same.
       tires: (4,) of TIRE; none for the model `contact`.
       states: (at least steps, k) user data, one row a step; of tires with a curve.
-      place: where in a row the tires' are.
-      slip: (QUANTITIES, steps, 4), written to: sliding speed, friction utilisation, normal force, friction force,
-        sliding speed across the wheel's heading, force along it and across, slip angle, slip ratio, whether it slides;
-        by step, tire.
+      slip: (QUANTITIES, steps, 4), written to, by quantity, step, tire.
     """
     for step in range(slip.shape[1]):
         grip = mu[step if len(mu) > 1 else 0]
@@ -397,12 +390,7 @@ def _measure_law(tire: Any, own: FloatArray, mu: float, slip: FloatArray) -> Non
 
 @kernel
 def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
-    """Return in how many steps any tire slides, and write each tire's greatest sliding speed and friction utilisation.
-
-    Args:
-      slip: (QUANTITIES, steps, 4) from `measure_slip`.
-      greatest: (8,) written to: four sliding speeds [m/s], four friction utilisations [-]; NaN only where all is NaN.
-    """
+    """Return how many steps slide, and write the tires' speeds [m/s] and friction utilisations [-] (8,); NaN: none."""
     for i in range(len(greatest)):
         greatest[i] = math.nan
     sliding_steps = 0
@@ -421,10 +409,7 @@ def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
 
 @kernel
 def greatest_lateral_speed(slip: FloatArray, so_far: float) -> float:
-    """Return the greatest sliding speed of any tire across its wheel's heading [m/s], or `so_far` if that is greater.
-
-    `slip` (QUANTITIES, steps, 4) is from `measure_slip`.
-    """
+    """Return the greatest sliding speed across a wheel's heading in `slip` [m/s], or `so_far` if that is greater."""
     for step in range(slip.shape[1]):
         for tire in range(4):
             if slip[_LATERAL_SPEED, step, tire] > so_far:  # nor is NaN

@@ -124,20 +124,7 @@ def push_car(
     """Move the tires and the drive line of a car by the short steps of a physics step, and add their mean forces.
 
     MuJoCo's stages up to the acceleration without constraints must be done, with the inertia of `damp_inertia`.
-
-    Args:
-      model: address of the mujoco.MjModel.
-      data: address of the mujoco.MjData, written to.
-      found: where their arrays are.
-      inertia: of the model.
-      gear: of GEAR.
-      tires: (k,) of TIRE, up to four.
-      mu: (k,) lateral peak of each [-].
-      own: (k USERDATA,) user data of the tires, written to.
-      scratch: (SCRATCH,).
-      dofs: of the model.
-      timestep: of the physics [s].
-      steps: of `steps_within`.
+    `tires` (k,) of TIRE are up to four, of peaks `mu` (k,) [-] and user data `own` (k USERDATA,), which is written to.
     """
     wheels = len(tires)
     short = timestep / steps
@@ -233,14 +220,12 @@ def push_car(
 def _wheel_rows(
     data: int, found: Fields, tire: Any, wheel: int, dofs: int, timestep: float, scratch: FloatArray
 ) -> float:  # fmt: skip
-    """Write what each dof of a wheel's chain moves its contact point by, and its spin, (links, 4).
+    """Write what each dof of a wheel moves its contact point by, and its spin, (links, 4); return the depth [m].
 
     Forward and left are those of the wheel half a physics step later, so that its mean force acts along its mean
     heading, and a car that turns neither gains nor loses by it. They are seen from the body that the dof moves: what
-    the car itself turns by then is left to `place_between`.
-
-    Written is, too, what is seen of the contact point from the wheel, without its spin (5,): its velocity now, forward,
-    to the left and up, and how fast the first two change because the wheel turns.
+    the car itself turns by then is left to `place_between`. Written is, too, how the contact point moves without the
+    wheel's spin (5,): forward, left, up, and how fast the first two change because the wheel turns.
     """
     body, center = tire.body, 3 * tire.root
     position = stages.vector(data, found.xpos, 3 * body + 3)
@@ -298,10 +283,7 @@ def _wheel_rows(
 def _move(
     data: int, found: Fields, gear: Any, tire: Any, wheel: int, short: float, dofs: int, scratch: FloatArray
 ) -> float:  # fmt: skip
-    """Write how a contact point moves now, and by how much faster in a short step; return the wheel's speed forward.
-
-    Both are seen from the wheel, whose heading turns.
-    """
+    """Write how a contact point moves, seen from the wheel, and how much faster in a short step; return its speed."""
     qvel, acceleration = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qacc_smooth, dofs)
     along = across = up = 0.0
     first = _JACOBIAN + 64 * wheel
@@ -329,10 +311,7 @@ def _move(
 def _half_solve(
     data: int, found: Fields, inertia: Inertia, gear: Any, tire: Any, wheel: int, dofs: int, scratch: FloatArray
 ) -> None:
-    """Write D^-1/2 L^-T times the rows of a wheel, where MuJoCo's inertia is L' D L, as far as its own dofs go.
-
-    What that makes of the common dofs is added to theirs (commons, LANES).
-    """
+    """Write D^-1/2 L^-T times the rows of a wheel, of MuJoCo's inertia L' D L, for its own dofs; add to common ones."""
     factor = stages.vector(data, found.inertia_factor, len(inertia.columns))
     diagonal = stages.vector(data, found.inverse_diagonal, dofs)
     rows, halves, last = _JACOBIAN + 64 * wheel, _HALVES + 64 * wheel, tire.links - 1
@@ -410,11 +389,7 @@ def _mobility(gear: Any, tires: TireRows, short: float, scratch: FloatArray) -> 
 
 @kernel
 def _tie(gear: Any, short: float, scratch: FloatArray) -> None:
-    """Take the rigid ties of the drive line, and the inertia of its motor, out of mobility, free motion and velocities.
-
-    Written for each is, besides, what `_add_tie_forces` reads (20,): its row of the mobility, by what that is divided,
-    the free motion along it in a short step, and the velocity that it has to take away.
-    """
+    """Take rigid ties and the motor's inertia out of mobility, free motion and velocities; write their rows (20,)."""
     for i in range(gear.lanes):
         if gear.give[i] >= 0.0:
             lane, row = CONTACTS + i, _TIED + 20 * i
@@ -452,10 +427,7 @@ def _spin_torque(gear: Any, wheel: int, forces: int, scratch: FloatArray) -> flo
 
 @kernel
 def _hold_clutches(gear: Any, pull: float, before: float, scratch: FloatArray) -> None:
-    """Let the drag brake and clutches hold what they can: write their forces, and move the velocities by them.
-
-    `pull` is the motor's force besides what MuJoCo has counted already, which is `before` [N].
-    """
+    """Let drag brake and clutches hold what they can; `pull` is the motor's force without MuJoCo's, `before` [N]."""
     if gear.preload[0] >= 0.0:
         row = _MOBILITY + LANES * CONTACTS
         held = min(max(-scratch[_VELOCITY + CONTACTS] / scratch[row + CONTACTS], -gear.preload[0]), gear.preload[0])

@@ -23,16 +23,7 @@ _HEAD = 2000  # characters, within which an XML says what it is
 
 
 def parsed(text: str, where: str, hint: Callable[[str], str] = lambda text: "") -> Any:
-    """Return the mujoco.MjSpec of an MJCF text.
-
-    Args:
-      text: of the file.
-      where: it is from, for messages.
-      hint: returns what else the text may be, for the message of what `checked_mjcf` refuses.
-
-    Raises:
-      ModelError: no XML, no MJCF, a name that is there twice, or what `checked_mjcf` refuses.
-    """
+    """Return the mujoco.MjSpec of an MJCF text; ModelError: none, or what `checked_mjcf` refuses, with a `hint`."""
     if re.search(r"<(robot|sdf)\b", text[:_HEAD]):
         raise ModelError(f"{where}: is a URDF or SDF, of ROS or Gazebo; accepted: {OWN_CAR}")
     try:
@@ -46,11 +37,7 @@ def parsed(text: str, where: str, hint: Callable[[str], str] = lambda text: "") 
 
 
 def compiled(spec: Any, where: str) -> Any:
-    """Return the compiled mujoco.MjModel of a spec.
-
-    Raises:
-      ModelError: what MuJoCo refuses, as a body without mass.
-    """
+    """Return the compiled mujoco.MjModel of a spec; ModelError: what MuJoCo refuses, as a body without mass."""
     try:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
@@ -70,31 +57,19 @@ def _reason(error: Exception) -> str:
 
 
 def find_lidar(spec: Any, folder: Path | None, where: str) -> LidarModel:
-    """Return the LiDAR that a vehicle's text `lidar` names, or the default one.
-
-    Raises:
-      ModelError: a file that is neither in the vehicle's folder nor bundled, or not that of a LiDAR.
-    """
+    """Return the LiDAR that a text `lidar` names, in its folder or bundled, or the default; ModelError: none."""
     file = _named_file(spec, "lidar", folder, where, default=DEFAULT_LIDAR)
     assert file is not None
     return LidarModel.load(file)
 
 
 def find_look(spec: Any, folder: Path | None, where: str) -> str | None:
-    """Return the file of meshes that a vehicle's text `look` names, if it does.
-
-    Raises:
-      ModelError: a file that is neither in the vehicle's folder nor bundled.
-    """
+    """Return the file of meshes that a text `look` names, in its folder or bundled; ModelError: no such file."""
     return _named_file(spec, "look", folder, where)
 
 
 def find_tires(spec: Any, folder: Path | None, where: str) -> Tires:
-    """Return the tires that a vehicle's text `tires` names, or the default set.
-
-    Raises:
-      ModelError: neither a file in the vehicle's folder nor a bundled set, or not that of tires.
-    """
+    """Return the tires that a text `tires` names, in its folder or bundled, or the default; ModelError: none."""
     element = spec.text("tires")
     if element is None:
         return Tires.load(DEFAULT_TIRES)

@@ -55,11 +55,7 @@ class Electrics:
 
     @classmethod
     def of(cls, numerics: Mapping[str, Sequence[float]]) -> Electrics:
-        """Return those of the numerics of a car, by their names.
-
-        Raises:
-          ModelError: one is missing, has another number of values, or one that cannot be.
-        """
+        """Return those of a car's numerics, by name; ModelError: one is missing, or has values that cannot be."""
         values: list[float] = []
         for name, said in _NUMERICS.items():
             own, least = numerics.get(name, ()), [0.0 if "ohm" in part else 1e-9 for part in said.split(", ")]
@@ -79,12 +75,7 @@ class Electrics:
         return cls.of({name: [float(value) for value in data.split()] for name, data in found.items()})
 
     def at(self, speed: float, force: float) -> tuple[float, float, float, float]:
-        """Return the battery's voltage [V], the duty cycle, and the currents of motor and battery [A].
-
-        Args:
-          speed: of the wheels' surfaces by the motor's turns [m/s].
-          force: of the motor, at the ground [N].
-        """
+        """Return battery's voltage [V], duty, motor's and input current [A] at a speed [m/s] and motor's force [N]."""
         current = force / self.volts_per_speed
         volts = self.volts_per_speed * speed + self.motor_resistance * current
         # the battery gives power = voltage x input, where voltage = full - resistance x input

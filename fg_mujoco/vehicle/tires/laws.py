@@ -61,12 +61,7 @@ def law_names() -> tuple[str, ...]:
 
 
 def find_law(source: str, folder: Path, where: str) -> tuple[type[Law], str]:
-    """Return a law of a user's own, and what says from where it is: the name, and the hash of the file.
-
-    Args:
-      source: the name of an entry point, `path/to/file.py:Class`, or the path alone where the file has one law.
-      folder: from where a path counts.
-      where: it is named, for messages.
+    """Return a law of a user's own, by entry point or `path/to/file.py:Class`, and its name with its file's hash.
 
     Raises:
       SettingsError: no such name or file, or a file that does not import or has no such class.

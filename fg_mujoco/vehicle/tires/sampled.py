@@ -34,11 +34,7 @@ _STEP = 1e-4  # of a cell, for the rise at a node
 
 @dataclass(frozen=True, kw_only=True)
 class Sampled(Law):
-    """A law by a table of its force.
-
-    Raises:
-      SettingsError: a table that is none.
-    """
+    """A law by a table of its force; SettingsError: a table that is none."""
 
     model: ClassVar[str] = "sampled"
 
@@ -105,15 +101,7 @@ def force(numbers: FloatArray, slip: float) -> float:
 
 
 def sampled(law: Law, where: str) -> Sampled:
-    """Return a law of a user's own as kernels know it.
-
-    Args:
-      law: with a force that is odd and steady, and with the slope and peak that it says.
-      where: it is from, for messages.
-
-    Raises:
-      SettingsError: it is not so.
-    """
+    """Return a law of a user's own as kernels know it; SettingsError: it is not so."""
     slope, peak, peak_slip = (_told(law, name, where) for name in ("slope", "peak", "peak_slip"))
     has_peak = law.slides and math.isfinite(peak_slip)
     reach = peak_slip if law.holds and has_peak else GREATEST_SLIP

@@ -267,11 +267,7 @@ def numbers_of(axle: AxleTires, law: str) -> list[float]:
 
 
 def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
-    """Return the tires of a compiled model, peaks as before `mu` was set.
-
-    Raises:
-      ModelError: numbers that are no tires'.
-    """
+    """Return the tires of a compiled model, peaks as before `mu` was set; ModelError: numbers that are no tires'."""
     axles, law = {}, LAWS[0]
     for name in _AXLES:
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, prefix + NUMERIC.format(name))
