@@ -9,6 +9,7 @@ _POSE = "--pose rate=10,delay=.05,noise_std=.02,drift=.01 of the car, the true p
 _SELF_PLAY = "the setting opponents of the environment; policy files are opponents, too"
 
 GONE = {
+    "--trust": "--controller FILE (in Python controller=): a run folder never loads a planner by itself",
     "bag --map": _MAPPING,
     "bag --match": _MAPPING,
     "bag --resolution": _MAPPING,
@@ -28,8 +29,10 @@ GONE = {
     "setting pose_start": _POSE,
     "train --estimate": _ESTIMATE,
     "train --self-play": _SELF_PLAY,
+    "train --trust": "nothing: a checkpoint that is named runs its code, as SECURITY.md says",
 }
-"""What somebody may still give, as `COMMAND`, `COMMAND --option`, setting or file -> what serves instead.
+"""What somebody may still give, as `COMMAND`, `COMMAND --option`, `--option` of any, setting or file -> what
+serves instead.
 
 A command or a planner's setting whose name is a word of other meanings, too, stands here with `fg-mujoco` or `setting`
 before it.
@@ -38,5 +41,8 @@ before it.
 
 def gone(given: str) -> str | None:
     """Return the line that refuses what went, in the words of an error; None: it is there, or never was."""
-    given = given if given in GONE else given.removeprefix("fg-mujoco ")
-    return f"{given!r} is gone; instead: {GONE[given]}" if given in GONE else None
+    option = given.rpartition(" ")[2]
+    for name in (given, given.removeprefix("fg-mujoco "), *([option] if option.startswith("--") else [])):
+        if name in GONE:
+            return f"{name!r} is gone; instead: {GONE[name]}"
+    return None

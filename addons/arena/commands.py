@@ -16,7 +16,6 @@ from typing import Any
 from fg_mujoco.cli.command import (
     CONFIG,
     JSON,
-    TRUST,
     WORKERS,
     Part,
     command,
@@ -89,7 +88,7 @@ def _print(found: Study, options: argparse.Namespace, *said: str) -> int:
         obstacles="boxes on each track, at places drawn from the seed; default: 0",
         moving="things that move on each track, at places drawn from the seed: {names}; default: nothing",
     ),
-    WORKERS, out_options(STUDY, _OUT, required=True), JSON, CONFIG, TRUST,
+    WORKERS, out_options(STUDY, _OUT, required=True), JSON, CONFIG,
 )  # fmt: skip
 def compare_command(options: argparse.Namespace) -> int:
     """Drive every controller on every course at every speed, friction and seed, and make a table of how they fared."""

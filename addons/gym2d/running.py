@@ -15,10 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
 from fg_mujoco.errors import FgMujocoError
-from fg_mujoco.simulation.old_numpy import BEFORE_1_24, BEFORE_2, advice
 
 from .installing import install, is_of_the_script
 
@@ -52,7 +49,6 @@ def main(arguments: list[str] | None = None) -> int:
     except FgMujocoError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    bring_back_names()
     return run(script, options.script, text, [options.script, *options.arguments])
 
 
@@ -92,13 +88,6 @@ def preparation_data(name: str) -> dict[str, Any]:
     return data
 
 
-def bring_back_names() -> None:
-    """Give NumPy the names back that it had when these scripts were written: np.float, np.product and their like."""
-    for name, meant in {**BEFORE_1_24, **BEFORE_2}.items():
-        if name not in vars(np):
-            setattr(np, name, meant)
-
-
 def _is_ours(error: ImportError) -> bool:
     """Return whether an import failed here, and not in another library."""
     frames = list(traceback.walk_tb(error.__traceback__))
@@ -121,6 +110,3 @@ def _print(error: BaseException) -> None:
     while kept is not None and kept.tb_frame.f_code.co_filename == __file__:
         kept = kept.tb_next
     traceback.print_exception(type(error), error, kept)
-    hint = advice(error, str(error))
-    if hint:
-        print(f"error: {hint.removeprefix('; ')}", file=sys.stderr)

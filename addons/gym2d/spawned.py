@@ -11,9 +11,8 @@ import os
 from pathlib import Path
 
 from .installing import install
-from .running import SCRIPT, bring_back_names
+from .running import SCRIPT
 
 install()
-bring_back_names()
 __file__ = os.environ[SCRIPT]
 exec(compile(Path(__file__).read_bytes(), __file__, "exec"), globals())

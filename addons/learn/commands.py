@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from fg_mujoco.arguments import with_underscores
-from fg_mujoco.cli.command import JSON, Part, command, named_values, names_in, option, trust, whole
+from fg_mujoco.cli.command import JSON, Part, command, named_values, names_in, option, whole
 from fg_mujoco.cli.options import NAMES
 from fg_mujoco.cli.progress import clock, shown_as, to_go
 from fg_mujoco.course.documents import read_toml, read_value
@@ -45,7 +45,6 @@ def _settings_of(name: str, text: str) -> Part:
     _settings_of("--ppo", "a setting of PPO, as gamma=0.995 or net=[64,64]"),
     option("--out", "folder; the same command continues a training in it", "DIR", required=True),
     JSON,
-    trust("load a checkpoint that you did not write here, which runs its code"),
 )  # fmt: skip
 def train_command(options: argparse.Namespace) -> int:
     """Train a policy by PPO of Stable-Baselines3; its folder is a planner."""
@@ -65,7 +64,7 @@ def train_command(options: argparse.Namespace) -> int:
         shown_as(text, "preparing worlds", show=not options.json) as watch,
     ):
         try:
-            training = train(options.out, watch=watch, trust=options.trust, **settings)
+            training = train(options.out, watch=watch, **settings)
         except KeyboardInterrupt:
             said = "interrupted; its policy races, and the same command goes on"
             print(f"fg-mujoco: {options.out}: {said}", file=sys.stderr)

@@ -15,7 +15,6 @@ that is in it, as Stable-Baselines3 loads pickled objects; an ONNX file is data.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,7 +28,6 @@ from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.gone import gone
 from fg_mujoco.messages import shown
 from fg_mujoco.racing.planners import POLICY_ENDINGS, POLICY_FILE
-from fg_mujoco.racing.run_folder import remember_made
 from fg_mujoco.simulation.planner_failure import one_line
 
 from .policy_shapes import Act, observed_shapes
@@ -92,8 +90,6 @@ def save_policy(
     except OSError as error:
         reason = error.strerror or str(error)
         raise ControllerError(f"policy {path}: cannot be written: {reason}; accepted: a file that can be") from error
-    if path.suffix == ".zip":  # from which this user's training may go on
-        remember_made(hashlib.sha256(content).hexdigest())
     return path
 
 

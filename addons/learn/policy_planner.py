@@ -199,7 +199,7 @@ def find_policy(source: str) -> type[PolicyPlanner]:
     module = ModuleType(f"fg_mujoco_policy_{path.stem}_{zlib.crc32(str(path).encode()):08x}")
     module.__file__ = str(path)
     vars(module)[READ] = policy.content
-    sys.modules[module.__name__] = module  # where `trust.source_code` finds what was read
+    sys.modules[module.__name__] = module  # where `planner_origin.source_code` finds what was read
     sensors = tuple(sensor.name for sensor in policy.interface.sensors)
     said = f"A trained policy: {policy.interface.observation} -> {policy.interface.action}."
     members = {"policy": policy, "sensors": sensors, "__module__": module.__name__, "__doc__": said}

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.errors import ControllerError, EngineError, FgMujocoError, missing_extra
+from fg_mujoco.racing.planner_origin import changed_file
 from fg_mujoco.racing.planners import file_in, moved_to
-from fg_mujoco.racing.trust import changed_file
 from fg_mujoco.rollouts.job import Arrays, RolloutJob, versions
 from fg_mujoco.rollouts.workers import completed, usable_cores
 

@@ -28,7 +28,7 @@ from fg_mujoco.display import brief, quoted
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError, missing_extra
 from fg_mujoco.messages import shown
-from fg_mujoco.racing.run_folder import check_run_folder, was_made_here
+from fg_mujoco.racing.run_folder import check_run_folder
 from fg_mujoco.simulation.settings import known_settings
 
 from .policy_files import read_content
@@ -59,30 +59,29 @@ def train(
     *,
     watch: Callable[[TrainingProgress], None] | None = None,
     callbacks: Sequence[Any] = (),
-    trust: bool = False,
     **settings: Any,
 ) -> Training:
     """Train a policy in a folder, or go on with the training there.
+
+    Loading a checkpoint, of `out` or `start_from`, runs the code in it.
 
     Args:
       out: a new or empty folder, or one of a training with the same settings.
       watch: called after each iteration.
       callbacks: further ones of Stable-Baselines3.
-      trust: whether to load a checkpoint, of `out` or `start_from`, that this user did not write here: loading it runs
-        the code in it.
       settings: those of TrainingSettings, by name.
 
     Raises:
       SettingsError, TrackError: what cannot be driven or learned; nothing is written then.
       RunFolderError: the folder has something else, or a training with other settings.
-      ControllerError: a checkpoint that cannot be read, or is somebody else's, without `trust`.
+      ControllerError: a checkpoint that cannot be read.
       MissingExtraError: Stable-Baselines3 or torch are not installed.
       KeyboardInterrupt: Ctrl-C, after a checkpoint and the policy are written.
     """
     chosen, folder = TrainingSettings(**known_settings(settings, TrainingSettings, "a training")), Path(out)
     last = _last_checkpoint(folder, chosen)
     begins_with = chosen.first_weights() if last is None else last
-    content = b"" if begins_with is None else _trusted_content(begins_with, trust=trust)
+    content = b"" if begins_with is None else read_content(begins_with)
     try:
         import torch
         from stable_baselines3.common.logger import Logger
@@ -146,19 +145,6 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
         for parameter in model.policy.action_net.parameters():
             parameter.data.zero_()
     return model
-
-
-def _trusted_content(file: Path, *, trust: bool) -> bytes:
-    """Return the bytes of a policy.zip that may be loaded.
-
-    Raises:
-      ControllerError: this user has not written it here and does not trust it, or it cannot be read.
-    """
-    content = read_content(file)
-    if not trust and not was_made_here(content):
-        said = f"{file}: was not written by a training of yours on this machine, and loading it runs the code in it"
-        raise ControllerError(f"{said}; accepted: --trust (in Python trust=True), if you know who made it")
-    return content
 
 
 def _take_weights(model: Any, interface: PolicyInterface, file: Path, content: bytes) -> None:

@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from fg_mujoco.cli.command import CONFIG, FORCE, TRUST, command, number, option, require_ending, whole
+from fg_mujoco.cli.command import ASKED, CONFIG, FORCE, command, number, option, require_ending, whole
 from fg_mujoco.cli.options import setup_of, setup_options
 from fg_mujoco.cli.out import PAGE, require_new
 from fg_mujoco.cli.progress import ProgressLine, to_go
@@ -68,8 +68,8 @@ def report_command(options: argparse.Namespace) -> int:
     option("--at", "time in the run that the page opens at; default: its end, or crash", "S", number),
     option("--window", "of decisions in the page, round --at [s]; default: 3", "S", number, 3.0),
     option("--out", f"default: DIR/{DEBUG_PAGE}", "FILE.html", Path),
+    ASKED,
     FORCE,
-    TRUST,
 )
 def debug_command(options: argparse.Namespace) -> int:
     """Write the page to step through a run's decisions: scan, what the planner made of it, command and why."""
@@ -77,7 +77,7 @@ def debug_command(options: argparse.Namespace) -> int:
 
     path = options.out or Path(options.folder) / DEBUG_PAGE
     _check_page(path, options)
-    seen = debug(options.folder, at=options.at, window=options.window, trust=options.trust)
+    seen = debug(options.folder, at=options.at, window=options.window, controller=options.controller)
     for note in seen.notes:
         print(f"fg-mujoco: {note}", file=sys.stderr)
     seen.write_page(path)
@@ -109,7 +109,6 @@ def _check_page(path: Path, options: argparse.Namespace) -> None:
     option("--port", "with --web; default: 8080", "N", whole),
     option("--no-wait", "with --web: start at once, without waiting for a browser"),
     CONFIG,
-    TRUST,
 )
 def view_command(options: argparse.Namespace) -> int:
     """Watch a race as it goes, turn its knobs, and drive by keys."""

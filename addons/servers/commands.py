@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from fg_mujoco.cli.command import CONFIG, TRUST, Commands, Part, command, number, option, whole
+from fg_mujoco.cli.command import CONFIG, Commands, Part, command, number, option, whole
 from fg_mujoco.cli.options import setup_of, setup_options
 from fg_mujoco.cli.out import RUN, out_options, write_page
 from fg_mujoco.cli.race import RaceWatch, check_out, race_table
@@ -40,7 +40,6 @@ def _race_options(**helps: str) -> tuple[Part, ...]:
             "time stands still between commands, and each one on /drive is a tick of 25 ms; default: real time",
         ),
         CONFIG,
-        TRUST,
     )
 
 
@@ -141,7 +140,6 @@ def _log(line: str) -> None:
     ),
     out_options(RUN, "write a run folder here; where the DevKit resets, folders 1, 2, ... in it"),
     CONFIG,
-    TRUST,
 )  # fmt: skip
 def _autodrive(options: argparse.Namespace) -> int:
     """Connect to a DevKit of AutoDRIVE, in the place of its simulator, and race the car that it drives."""

@@ -178,12 +178,9 @@ CONFIG = option(
 )
 
 
-def trust(text: str = "load the recorded planner if it is not bundled, which runs its code") -> Part:
-    """Return the option that says that code of a file may run."""
-    return option("--trust", text)
-
-
-TRUST = trust()
+ASKED = option(
+    "--controller", "planner that is asked again, in the settings of the run; default: none, only commands", "NAME"
+)
 
 
 def require_ending(path: Path | None, *endings: str, what: str = "a file", when: str = "") -> None:

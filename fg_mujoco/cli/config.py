@@ -8,8 +8,7 @@
 The keys are the keywords of a Setup, as `Setup.read` reads them, and the other long options of the command; with `-` or
 `_`. Paths are from the present folder, as on the command line. Options on the command line win over the file's.
 
-Of a run folder, the setup is what was raced. A planner's file that is no longer where the command is given, or was
-edited, is the copy that the run folder keeps.
+Of a run folder, the setup is what was raced. It names bundled planners alone: any other is given on the command line.
 """
 
 from __future__ import annotations
@@ -23,15 +22,15 @@ from typing import Any
 from ..course.documents import TomlFile, read_toml
 from ..course.files import is_folder
 from ..errors import ControllerError, FgMujocoError, RunFolderError, SettingsError, accepted_names
+from ..racing.planner_origin import require_bundled, require_no_file
 from ..racing.planners import ControllerChoice
 from ..racing.resolved import ground_of
 from ..racing.run_folder import SUMMARY, read_summary
 from ..racing.setup import SETUP_KEYWORDS, Setup
-from ..racing.trust import controller_of, require_trusted
 from .command import number, whole
 from .options import OPPONENT_OPTIONS, given_settings, with_opponents
 
-_OF_THE_USER = ("help", "config", "trust", "force")  # options that no file can set
+_OF_THE_USER = ("help", "config", "force")  # options that no file can set
 
 
 def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -40,13 +39,13 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
     Raises:
       SettingsError: a file that cannot be read, with an unknown key, or with a value that is not accepted.
       RunFolderError: a folder that is no run's, or holds no settings.
-      ControllerError: a run folder's planner that is not bundled, and not trusted or not the recorded one.
+      ControllerError: a run folder's planner that is not bundled, and is not given on the command line.
     """
     options = parser.parse_args(arguments)
     if getattr(options, "config", None) is None:
         return options
     if is_folder(options.config):
-        options.setup = _setup_of_run(Path(options.config), given_settings(options), trust=options.trust)
+        options.setup = _setup_of_run(Path(options.config), given_settings(options))
         return options
     file, command = read_toml(options.config), options.command
     values, own = _split(file, command)
@@ -101,8 +100,8 @@ def _setup_in(file: TomlFile, values: Mapping[str, Any]) -> Setup:
     return setup
 
 
-def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Setup:
-    """Return what a run folder says was raced."""
+def _setup_of_run(folder: Path, given: Mapping[str, Any]) -> Setup:
+    """Return what a run folder says was raced, but for the planners that are given."""
     summary = read_summary(folder)
     where = f"{folder / SUMMARY}, settings"
     settings = summary.get("settings")
@@ -113,21 +112,20 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Set
     if "sensors" in given:  # of files, for example, whose names the folder cannot find
         values.pop("sensors", None)
     names, speeds = values.pop("opponents", None) or [], values.pop("opponent_max_speed", None) or []
-    rows = summary.get("cars") or [summary]
-    cars = values.get("entries") or [values, *({"controller": name} for name in names)]
-    recorded = [summary, *rows[1:]]
-    for index, (car, row) in enumerate(zip(cars, recorded, strict=False)):
-        if isinstance(car, dict) and not (index == 0 and "controller" in given):
-            car["controller"] = controller_of(folder, row, str(car.get("controller", "gap_finder")))
     try:
         setup = Setup.read(values)
         setup = with_opponents(setup, names, {"opponent_max_speed": speeds}) if names else setup
-        for index, entry in enumerate(setup.entries):  # of all, and not of the rows alone
-            if index == 0 and "controller" in given:
-                continue
-            choice, row = ControllerChoice.of(str(entry.controller)), recorded[index] if index < len(recorded) else {}
-            settings = dict(choice.settings) | dict(entry.planner_settings or {})
-            require_trusted(choice.source, row.get("controller_origin"), trust=trust, where=where, settings=settings)
+        if "opponents" in given:
+            setup = setup.replace(entries=setup.entries[:1])
+        for index, entry in enumerate(setup.entries):
+            choice, option = ControllerChoice.of(str(entry.controller)), "--opponents" if index else "--controller"
+            own = dict(choice.settings) | dict(entry.planner_settings or {})
+            if index or "controller" not in given:
+                require_bundled(choice.source, own, where=where, option=option)
+            elif ControllerChoice.of(given["controller"]).settings:
+                setup = setup.with_cars(planner_settings={})
+            else:
+                require_no_file(choice.source, entry.planner_settings or {}, where=where)
     except ControllerError:
         raise
     except FgMujocoError as error:

@@ -20,7 +20,7 @@ from ..pictures.plots import write_run
 from ..racing.hints import clamped_hint
 from ..racing.run_folder import check_run_folder, summary_json
 from ..vehicle.tire_slip import share_text, sliding_text
-from .command import CONFIG, JSON, TRUST, can_draw, command, number, option
+from .command import CONFIG, JSON, can_draw, command, number, option
 from .options import setup_of, setup_options
 from .out import PAGE, RUN, out_options, write_page
 
@@ -57,7 +57,6 @@ _FIGURES: dict[str, tuple[str, Callable[[float], str]]] = {
     out_options(RUN, "write a run folder here"),
     JSON,
     CONFIG,
-    TRUST,
 )  # fmt: skip
 def drive_command(options: argparse.Namespace) -> int:
     """Drive a manoeuvre, or a CSV of commands, on open ground."""

@@ -11,8 +11,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from ..controllers import BASELINES
 from ..errors import SettingsError
+from ..racing.planner_origin import distribution
 from ..racing.planners import controller_names, find_controller
-from ..racing.trust import distribution
 from ..registry import PARTS
 from ..vehicle.tires import Tires, tire_names
 from ..vehicle.vehicle import Vehicle, vehicle_names

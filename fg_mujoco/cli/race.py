@@ -21,7 +21,7 @@ from ..racing.rules import find_rules
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import share_text, sliding_rule, sliding_text
-from .command import CONFIG, JSON, OUTPUT, TRUST, can_draw, command, option
+from .command import CONFIG, JSON, OUTPUT, can_draw, command, option
 from .options import in_one_line, setup_of, setup_options
 from .out import PAGE, RUN, out_options, write_page
 from .progress import ProgressLine
@@ -36,7 +36,6 @@ _DONE, _NOT_DONE = 0, 1
     JSON,
     option("--traceback", "print the whole traceback of a planner that fails"),
     CONFIG,
-    TRUST,
 )
 def race_command(options: argparse.Namespace) -> int:
     """Race a controller from a standing start."""

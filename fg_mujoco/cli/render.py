@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..racing.run_folder import read_summary
-from .command import FORCE, TRUST, command, number, option, require_ending, whole
+from .command import ASKED, FORCE, command, number, option, require_ending, whole
 from .out import given, require_new
 from .progress import ProgressLine, to_go
 
@@ -87,8 +87,8 @@ def _qualities() -> Iterable[str]:
         option(f"--{name}", f"{text}; default: by camera", action=argparse.BooleanOptionalAction)
         for name, text in _SWITCHES.items()
     ),
+    ASKED,
     FORCE,
-    TRUST,
 )
 def render_command(options: argparse.Namespace) -> int:
     """Draw a run folder as a video, or one moment of it as a picture."""
@@ -111,7 +111,7 @@ def render_command(options: argparse.Namespace) -> int:
     overlays = find_overlays(options.camera, **{name: getattr(options, name) for name in _SWITCHES})
     with Film(
         options.folder, camera=options.camera, car=options.car, size=options.size, quality=options.quality,
-        overlays=overlays, trust=options.trust,
+        overlays=overlays, controller=options.controller,
     ) as film:  # fmt: skip
         if film.note:
             print(f"fg-mujoco: of the planner only its beams are drawn: {film.note}", file=sys.stderr)

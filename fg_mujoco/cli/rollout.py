@@ -23,7 +23,7 @@ from ..rollouts.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProg
 from ..rollouts.store import as_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import NO_PEAK, sliding_rule
-from .command import CONFIG, JSON, TRUST, can_draw, command, named_values, option, whole
+from .command import CONFIG, JSON, can_draw, command, named_values, option, whole
 from .options import NAMES, setup_of, setup_options
 from .out import STUDY, out_options
 from .progress import study
@@ -69,7 +69,6 @@ _MIB = 2**20
     ),
     JSON,
     CONFIG,
-    TRUST,
 )  # fmt: skip
 def rollout_command(options: argparse.Namespace) -> int:
     """Drive many worlds, each drawn from its own seed, on all cores or on a cluster."""

@@ -19,10 +19,10 @@ from ..display import quoted
 from ..errors import ControllerError, SettingsError
 from ..simulation.settings import DriveSettings, Start
 from .entries import Entry, check_starts, entry_planner, grid_starts
+from .planner_origin import Files, by_name, planner_files
 from .planners import ControllerChoice, split_controller
 from .rules import Contact, Overtake
 from .setup import Setup
-from .trust import Files, by_name, planner_files
 
 FIRST = "car_0"
 """Name of car 0 in studies."""

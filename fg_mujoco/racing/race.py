@@ -36,12 +36,12 @@ from ..simulation.termination import END_REASONS
 from .decision_times import DecisionClock, DecisionTimes
 from .entries import Entry
 from .figures import course_figures, driven_figures, track_figures, world_figures
+from .planner_origin import Files, origin, planner_files, source_code
 from .planners import split_controller
 from .resolved import Resolved, kernels_beside
 from .result import CarResult, History, RaceResult
 from .rules import RaceRecord, race_control
 from .setup import Setup, SetupKeywords
-from .trust import Files, origin, planner_files, source_code
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

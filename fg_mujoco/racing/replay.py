@@ -162,11 +162,15 @@ def _other_versions(run: Run) -> str:
     return f"; other versions: {', '.join(others)}" if others else ""
 
 
-def decisions_again(folder: str | Path) -> str:
-    """Return a line that says whether the planner of car 0 answers the recorded commands again, and if not tried, why.
+def decisions_again(folder: str | Path, controller: str) -> str:
+    """Return a line that says whether a planner answers the recorded commands of car 0 again, and if not tried, why.
 
-    The planner gets the scans and odometry of the race. It is loaded if it is bundled, or if this user raced the folder
-    and its file is the recorded one: a planner that reads a clock, or draws numbers without a seed, answers otherwise.
+    The planner gets the scans and odometry of the race. One that reads a clock, or draws numbers without a seed,
+    answers otherwise.
+
+    Args:
+      folder: of the run.
+      controller: the planner's text; without settings in brackets it has those that the run recorded.
 
     Raises:
       RunFolderError: the folder is not a run folder, or is damaged.
@@ -177,7 +181,7 @@ def decisions_again(folder: str | Path) -> str:
         return f"planner not asked again: its race ended as {reason!r}"
     try:
         world = load_world(run)
-        planner = recorded_planner(run.summary, world.model, trust=False, where=str(folder), folder=run.folder)
+        planner = recorded_planner(run.summary, world.model, controller=controller, where=str(folder))
         for tick in resimulate(cast(Recording, run), world):
             assert tick.sensed is not None
             if hasattr(planner, "look_round"):

@@ -18,14 +18,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Protocol, cast
 
 import mujoco
 import numpy as np
 
-from ..errors import FgMujocoError, RunFolderError, SettingsError, TrackError
+from ..errors import ControllerError, FgMujocoError, RunFolderError, SettingsError, TrackError
 from ..lidar.effects import LidarEffects
 from ..messages import Controller, DriveCommand, FloatArray, LaserScan, Odometry
 from ..simulation.cars import car_prefix
@@ -37,10 +36,10 @@ from ..simulation.settings import DriveSettings
 from ..simulation.world import World
 from ..vehicle.car import car_parameters
 from ..vehicle.sensors import Sensor, as_sensors
-from .planners import make_controller
+from .planner_origin import require_no_file
+from .planners import ControllerChoice, make_controller
 from .result import RaceResult
-from .run_folder import Run, was_raced_here
-from .trust import controller_of, require_trusted
+from .run_folder import Run
 
 
 class Recording(Protocol):
@@ -205,31 +204,35 @@ def recorded_planner(
     model: mujoco.MjModel,
     index: int = 0,
     *,
-    trust: bool,
+    controller: str | None,
     where: str,
-    folder: Path | None = None,
+    raced_here: bool = False,
 ) -> Controller:
-    """Return the planner of a recorded run, built as it was for the race, and reset.
+    """Return a planner that is asked again for a recorded run, built as its own was for the race, and reset.
 
     Args:
       summary: of the run.
       model: of its world.
       index: of its car.
-      trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one; of a
-        run in `folder` that this user raced it is loaded without.
-      where: the planner was named, for the message.
-      folder: of the run, whose copy of the planner is taken where its file is not there any more; None: there is none.
+      controller: the planner's text; without settings in brackets it has those that the run recorded. None: the run's
+        own, which a folder never loads by itself.
+      where: the run was recorded, for the message.
+      raced_here: by this process, whose planner's code and files are the user's.
 
     Raises:
-      FgMujocoError: it may not be loaded, or cannot be built.
+      FgMujocoError: there is none, or it cannot be built.
       KeyError, TypeError, ValueError, OSError: the summary does not say how.
     """
-    source = str(summary["controller"])
-    trust = trust or (folder is not None and was_raced_here(folder, summary))
-    if trust and folder is not None:
-        source = controller_of(folder, summary, source)
-    settings = summary.get("planner_settings") or {}
-    require_trusted(source, summary.get("controller_origin"), trust=trust, where=where, settings=settings)
+    own, origin = str(summary["controller"]), summary.get("controller_origin") or {}
+    if controller is None and origin.get("commands"):
+        raise ControllerError(f"{where}: {own!r} has no planner; its commands were made beforehand")
+    if controller is None and not raced_here:
+        said = f"{where}: a run folder loads no planner by itself"
+        raise ControllerError(f"{said}; accepted: --controller {own} (in Python controller=), or another one")
+    choice = ControllerChoice.of(controller or own)
+    settings = dict(choice.settings) or summary.get("planner_settings") or {}
+    if not choice.settings and not raced_here:
+        require_no_file(choice.source, settings, where=where)
     mu = summary.get("planner_mu")
     course = None  # a user's own track or map is not found by its name, and few planners drive by a map
     with suppress(TrackError):
@@ -244,7 +247,7 @@ def recorded_planner(
     )
     map_line = None if course is None else course.map_line
     context = drive.context(car_parameters(model, car_prefix(index)), map_line, model=model, index=index)
-    planner = make_controller(source, context, settings=drive.planner_settings)
+    planner = make_controller(choice.source, context, settings=drive.planner_settings)
     start(planner)
     return planner
 

@@ -45,7 +45,7 @@ class CarResult(Suggesting):
     entry: Entry  # what the car was entered with
     start: Start
     controller: str  # without settings in brackets; of an object its class
-    controller_origin: dict[str, Any]  # as of trust.origin, and `files` that it reads; or `commands` without a planner
+    controller_origin: dict[str, Any]  # as of `origin`, and `files` that it reads; or `commands` without a planner
     planner_settings: dict[str, Any]  # those that differ from its own
     assist: str  # stages between the planner and the command; none: also of one that decides by itself
     laps_completed: int

@@ -22,13 +22,11 @@ SHA-256 of each file that is read back, so that a damaged or edited one is named
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
 import math
 import os
 import platform
 import re
-import stat
 from array import array
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -41,9 +39,8 @@ import mujoco
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
-from ..compiled.kernels import own_folder
 from ..course.documents import read_json
-from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
+from ..course.files import file_sha256, is_file, read_arrays, read_text, require_regular
 from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
@@ -57,8 +54,6 @@ from .run_checks import check_summary, checked_scene
 
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
-
-_RACED = "raced"  # folder in the user's cache of notes about runs
 
 _MOST_SUMMARY = 2**20  # bytes
 _MOST_TELEMETRY = 512 * 2**20  # bytes, of about ten hours
@@ -167,8 +162,6 @@ def write_run(
         sha256s = {name: file_sha256(staging / name) for name in read_back if (staging / name).exists()}
         summary = json.loads(summary_json(result)) | {"files": sha256s}
         (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-        if any((staging / name).exists() for name in (_CONTROLLER, *_POLICIES)):
-            remember_run(staging)
         if add is not None:
             try:
                 add(staging)
@@ -177,46 +170,6 @@ def write_run(
                     raise
                 raise RunFolderError(str(error).replace(str(staging), str(folder))) from error
     return folder
-
-
-def remember_run(folder: Path) -> None:
-    """Note in this user's cache that this user raced a run: its planner's code was run by this user already.
-
-    It holds for this run and no other, as the note is of its summary.
-    """
-    with suppress(OSError):
-        remember_made(file_sha256(folder / SUMMARY))
-
-
-def remember_made(sha256: str) -> None:
-    """Note in this user's cache, by an empty file, that this user made a file of a SHA-256."""
-    own = own_folder(_RACED, "nothing is noted there, so `debug` and `train` need --trust")
-    if own is not None:
-        with suppress(OSError):
-            (own / sha256).touch(mode=0o600)
-
-
-def was_made_here(content: bytes) -> bool:
-    """Return whether this user made a file with these contents, which `remember_made` has noted."""
-    own = own_folder(_RACED, "its notes are not used")
-    try:
-        status = ((own or Path()) / hashlib.sha256(content).hexdigest()).lstat()
-    except OSError:
-        return False
-    mine = not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
-    return own is not None and mine and stat.S_ISREG(status.st_mode)
-
-
-def was_raced_here(folder: Path, summary: Mapping[str, Any]) -> bool:
-    """Return whether this user raced a run, whose summary was read: only `write_run` notes that, and nobody else can.
-
-    The folder itself proves nothing: whoever made it wrote all of it.
-    """
-    try:
-        content = read_bytes(folder / SUMMARY, _MOST_SUMMARY)
-        return was_made_here(content) and json.loads(content) == summary
-    except (OSError, ValueError, RecursionError):
-        return False
 
 
 def of_car(file: str, index: int) -> str:
@@ -282,28 +235,6 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     except ValueError as error:
         raise RunFolderError(f"{path}: {error}") from error
     return summary
-
-
-def kept_controller(folder: str | Path, summary: Mapping[str, Any]) -> Path | None:
-    """Return the source of a planner of one's own that a run folder keeps; None: it keeps none.
-
-    Args:
-      folder: of the run.
-      summary: of the run, which has the hash of the source.
-
-    Raises:
-      RunFolderError: the copy is not the source that was raced.
-    """
-    path = Path(folder) / _kept_name((summary.get("controller_origin") or {}).get("file"))
-    if not is_file(path):
-        return None
-    with _blame(path):
-        sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
-        raced = summary["controller_origin"]["sha256"]
-    if sha256 != raced:
-        said = f"{path}: is another one now: its sha256 is {sha256[:12]}, recorded is {str(raced)[:12]}"
-        raise RunFolderError(f"{said}; accepted with --trust: the source as it was raced")
-    return path
 
 
 def _kept_name(file: str | None) -> str:

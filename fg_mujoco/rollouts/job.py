@@ -28,10 +28,10 @@ from ..errors import ControllerError, SettingsError
 from ..messages import require_whole
 from ..racing.entries import check_starts
 from ..racing.opponents import Opponents, entry_of
+from ..racing.planner_origin import Files, by_name, planner_files
 from ..racing.planners import Value, build_controller, code_of, find_controller
 from ..racing.randomization import OF_ENVIRONMENTS, Randomization
 from ..racing.setup import require_decision_limit
-from ..racing.trust import Files, by_name, planner_files
 from ..simulation.physics import STATE
 from ..simulation.planner_failure import without_exit
 from ..simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit

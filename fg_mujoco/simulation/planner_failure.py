@@ -67,12 +67,10 @@ def one_line(error: BaseException) -> str:
 
 
 def _advice(error: BaseException, said: str) -> str:
-    """Return advice for errors of Python or NumPy that give none; an empty text for any other error."""
+    """Return advice for an error of a planner that writes to its scan; an empty text for any other error."""
     if type(error) is FrozenInstanceError or (type(error) is ValueError and "read-only" in said):
         return "; scans and odometry are read-only: change a copy, such as ranges = scan.ranges.copy()"
-    from .old_numpy import advice
-
-    return advice(error, said)
+    return ""
 
 
 def is_of_planner(error: BaseException) -> bool:

@@ -10,8 +10,8 @@ from cases import each
 from conftest import Straight
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.racing.planner_origin import _distributions, origin, source_code
 from fg_mujoco.racing.planners import find_controller, make_controller
-from fg_mujoco.racing.trust import _distributions, origin, source_code
 from fg_mujoco.simulation.planner_adapter import plan
 from scan_worlds import CAR, MU, corridor, odometry_of
 

@@ -11,7 +11,7 @@ from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.cli.out import RUN, STUDY, chosen_folder
 from fg_mujoco.errors import RunFolderError
-from fg_mujoco.racing.run_folder import read_summary, was_raced_here
+from fg_mujoco.racing.run_folder import read_summary
 
 RACE = ("race", "--time-limit", "0.2")
 PLANNER = """
@@ -59,7 +59,7 @@ class P:
     [
         "race --time-limit 0.2 --out out",
         "rollout --n 2 --workers 1 --time-limit 0.2 --out out", "study lab.toml walks.py --workers 1 --out out",
-        "debug runs/first --trust --out out.html",
+        "debug runs/first --controller walks.py:P --out out.html",
     ],
 )  # fmt: skip
 def test_a_planner_that_changes_the_folder_moves_no_file_that_is_written(command, run, without_pictures):
@@ -150,51 +150,3 @@ def test_a_study_is_gone_on_with_and_another_one_is_refused_with_both_ways_on(tm
     said = "has a study; accepted: a new or empty folder, or --out"
     with pytest.raises(RunFolderError, match=said), chosen_folder(given, RUN):
         raise AssertionError
-
-
-def test_a_run_that_this_user_raced_is_debugged_without_trust(raced, tmp_path):
-    assert fg.debug(raced, window=0.1).notes == ()
-    copy = tmp_path / "copy"
-    shutil.copytree(raced, copy)
-    assert fg.debug(copy, window=0.1).notes == ()  # wherever the run lies
-
-
-def test_a_run_that_is_not_noted_in_this_users_cache_needs_trust(raced, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "of_another_user"))
-    (note,) = fg.debug(raced, window=0.1).notes
-    assert "--trust" in note
-    assert fg.debug(raced, window=0.1, trust=True).notes == ()
-    assert list((tmp_path / "of_another_user/fg_mujoco/raced").iterdir()) == []  # reading notes nothing
-
-
-def test_a_run_with_another_summary_needs_trust(raced, tmp_path):
-    edited = tmp_path / "edited"
-    shutil.copytree(raced, edited)
-    text = (edited / "summary.json").read_text()
-    (edited / "summary.json").write_text(
-        text.replace('"planner_settings": {', '"planner_settings": {"weights": "evil"')
-    )
-    assert (edited / "summary.json").read_text() != text
-    (note,) = fg.debug(edited, window=0.1).notes
-    assert "--trust" in note
-
-
-@each("wrong", ["open", "link"])
-def test_notes_that_another_user_could_have_made_are_not_believed(raced, tmp_path, monkeypatch, wrong):
-    summary = read_summary(raced)
-    assert was_raced_here(raced, summary)
-    name = next(iter(sorted(_notes(raced))))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    notes = tmp_path / "fg_mujoco" / "raced"
-    notes.mkdir(parents=True, mode=0o700)
-    (notes / name).symlink_to(raced / "summary.json") if wrong == "link" else (notes / name).touch()
-    if wrong == "open":
-        assert was_raced_here(raced, summary)
-        notes.chmod(0o777)
-    assert not was_raced_here(raced, summary)
-
-
-def _notes(folder):
-    import hashlib
-
-    return {hashlib.sha256((folder / "summary.json").read_bytes()).hexdigest()}

@@ -87,7 +87,7 @@ def in_environment(planner):
 def in_debugger(planner):
     result = fg.race("oval", planner, seed=7, **SHORT, **CAR)
     with open("told.jsonl", "w"):
-        fg.debug(result, trust=True)
+        fg.debug(result)
 
 
 FIRST = {

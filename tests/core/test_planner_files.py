@@ -10,9 +10,8 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, RunFolderError
+from fg_mujoco.racing.planner_origin import changed_file, planner_files
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
-from fg_mujoco.racing.trust import MOST_FILES, changed_file, planner_files
-from refusals import refused
 from rollout_worlds import stand_in
 
 PLANNER = """
@@ -22,14 +21,12 @@ from typing import Literal
 from fg_mujoco.messages import DriveCommand
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    weights: str = "policy"
+    weights: str = "policy.txt"
     mode: Literal["fast", "slow"] = "fast"
 class Learned:
     Settings = Settings
     def __init__(self, settings):
-        place = Path(settings.weights)
-        found = place / "speed" if place.is_dir() else place if place.is_file() else place.with_suffix(".txt")
-        self.speed = float(found.read_text())
+        self.speed = float(Path(settings.weights).read_text())
     def reset(self):
         pass
     def __call__(self, scan, odometry):
@@ -38,7 +35,7 @@ class Told(Learned):
     files = None
     def __init__(self, settings):
         super().__init__(settings)
-        self.files = [Path("line.csv"), Path("policy").with_suffix(".txt")]
+        self.files = [Path("line.csv")]
 """
 SHORT = {"track": ["oval"], "laps": 1, "time_limit": 0.3, "workers": 1}
 
@@ -70,32 +67,19 @@ def line(path, step):
 # which files count
 
 
-def test_a_file_that_a_setting_names_counts_with_and_without_its_ending(here):
+def test_a_file_that_a_setting_names_counts_and_those_that_the_planner_lists(here):
     assert list(read_by("mine.py:Learned")) == ["policy.txt"]  # the default of the setting names it
-    assert list(read_by("mine.py:Learned[weights=policy.txt]")) == ["policy.txt"]
-    (here / "policy.png").write_text("a picture beside it")
-    assert list(read_by("mine.py:Learned")) == ["policy.png", "policy.txt"]  # which it reads is not known
-    assert list(read_by("mine.py:Told")) == ["line.csv", "policy.txt"]  # and here it is said
-
-
-def test_a_folder_that_a_setting_names_counts_with_all_that_is_in_it(here):
-    (here / "net" / "deep").mkdir(parents=True)
-    (here / "net" / "speed").write_text("2.0")
-    before = read_by("mine.py:Learned[weights=net]")
-    assert list(before) == ["net"]
-    (here / "net" / "deep" / "layer").write_text("0")
-    after = read_by("mine.py:Learned[weights=net]")
-    assert before["net"] != after["net"]
-    (here / "net" / "deep" / "layer").rename(here / "net" / "layer")
-    assert read_by("mine.py:Learned[weights=net]") not in (before, after)
+    (here / "other.txt").write_text("3.0")
+    assert list(read_by("mine.py:Learned[weights=other.txt]")) == ["other.txt"]
+    assert list(read_by("mine.py:Told")) == ["line.csv", "policy.txt"]
 
 
 def test_a_file_beside_the_planner_counts(here):
     (here / "sub").mkdir()
     shutil.move("mine.py", "sub/mine.py")
-    (here / "sub" / "other.txt").write_text("3.0")
-    (here / "other.txt").write_text("3.0")
-    assert list(read_by("sub/mine.py:Learned[weights=other]")) == ["other.txt", "sub/other.txt"]
+    for folder in (here, here / "sub"):
+        (folder / "other.txt").write_text("3.0")
+    assert list(read_by("sub/mine.py:Learned[weights=other.txt]")) == ["other.txt", "sub/other.txt"]
 
 
 def test_it_is_the_contents_that_count_and_not_the_time(here):
@@ -114,25 +98,13 @@ def test_it_is_the_contents_that_count_and_not_the_time(here):
 )
 def test_files_are_a_list_one_path_or_a_method(here, files, paths):
     (here / "mine.py").write_text(PLANNER + f"        self.files = {files}\n")
-    (here / "policy.txt").rename(here / "weights")
-    assert list(read_by("mine.py:Told[weights=weights]")) == [*paths, "weights"]  # a file that is named counts always
+    assert list(read_by("mine.py:Told")) == [*paths, "policy.txt"]  # a file that is named counts always
 
 
-def test_a_folder_of_too_many_files_is_refused_with_what_to_do(here, monkeypatch):
-    monkeypatch.setattr("fg_mujoco.racing.trust.MOST_FILES", 2)
-    (here / "net").mkdir()
-    for name in ("speed", "a", "b"):
-        (here / "net" / name).write_text("1.0")
-    assert MOST_FILES == 10_000
-    with pytest.raises(ControllerError, match=r"net: has more than 2 files; accepted: .*`files`"):
-        read_by("mine.py:Learned[weights=net]")
-
-
-def test_the_current_folder_is_a_place_to_look_in_and_no_data(here):
-    (here / "speed").write_text("1.0")
-    for around in (".", str(here), str(here.parent)):
-        (here.parent / "speed").write_text("1.0")
-        assert read_by(f"mine.py:Learned[weights={around}]") == {}
+def test_a_folder_in_that_list_is_refused(here):
+    (here / "mine.py").write_text(PLANNER + "        self.files = '.'\n")
+    with pytest.raises(ControllerError, match=r"\.: is a folder; accepted: its files, one by one"):
+        read_by("mine.py:Told")
 
 
 # the studies
@@ -167,10 +139,10 @@ def test_a_rollout_with_other_weights_is_another_one(here, monkeypatch):
     with pytest.raises(RunFolderError, match=r"controller_files is .*policy.txt.* there and .*; accepted: the same"):
         rollout(out="out")
     (here / "fast.txt").write_text("4.0")
-    rollout(out="drawn", randomize={"planner.weights": ["policy", "fast"]})
+    rollout(out="drawn", randomize={"planner.weights": ["policy.txt", "fast.txt"]})
     (here / "fast.txt").write_text("5.0")
     with pytest.raises(RunFolderError, match="controller_files"):
-        rollout(out="drawn", randomize={"planner.weights": ["policy", "fast"]})
+        rollout(out="drawn", randomize={"planner.weights": ["policy.txt", "fast.txt"]})
 
 
 # run folders
@@ -180,20 +152,10 @@ def race(*words):
     return main(["race", "--laps", "1", "--time-limit", "0.2", "--json", *words])
 
 
-def test_a_run_folder_has_the_hashes_and_a_race_again_says_which_file_is_another(here, capsys, without_pictures):
+def test_a_run_folder_has_the_hashes(here, without_pictures):
     assert race("--controller", "mine.py:Learned", "--out", "run") == 1  # the time limit ends it
     summary = json.loads((here / "run" / "summary.json").read_text())
-    files = summary["controller_origin"]["files"]
-    assert list(files) == ["policy.txt"]
-    assert race("--config", "run", "--trust") == 1
-    capsys.readouterr()
-    (here / "policy.txt").write_text("3.0")
-    said = refused(here, capsys, "race", "--config", "run", "--trust")
-    assert f"policy.txt, which it read, has sha256 {read_by('mine.py:Learned')['policy.txt'][:12]}" in said
-    assert f"recorded is {files['policy.txt'][:12]}; accepted with --trust: the file as it was raced" in said
-    assert "policy.txt, which it read, has sha256" in " ".join(fg.debug("run", trust=True).notes)
-    (here / "policy.txt").unlink()
-    assert "policy.txt, which it read, is not there" in refused(here, capsys, "race", "--config", "run", "--trust")
+    assert summary["controller_origin"]["files"] == read_by("mine.py:Learned")
 
 
 def test_a_summary_whose_files_are_none_is_refused(here, without_pictures):

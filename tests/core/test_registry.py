@@ -13,8 +13,8 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.scenes import SCENES, load_scene
 from fg_mujoco.errors import ControllerError, SettingsError, TrackError
+from fg_mujoco.racing.planner_origin import origin
 from fg_mujoco.racing.planners import make_controller
-from fg_mujoco.racing.trust import origin
 from fg_mujoco.registry import Registry
 from refusals import refused
 from scan_worlds import CAR, MU

@@ -280,7 +280,8 @@ def _settings_file(samples, here, rng):
 COMMANDS = {
     race(): "track controller laps obstacles obstacle-seed vehicle mu planner-mu max-speed lidar lidar-noise "
             "lidar-dropout lidar-latency odometry-drift seed config decision-limit",
-    ("replay", "run"): "json trust x", ("vehicles",): "json x", ("controllers",): "json x", ("track", "list"): "json x",
+    ("replay", "run"): "json controller x",
+    ("vehicles",): "json x", ("controllers",): "json x", ("track", "list"): "json x",
     ("rollout", "--n", "2", "--time-limit", "0.05", "--workers", "1"):
         "track controller seed randomize vehicle mu max-speed record executor chunk",
     ("export", "run"): "format out", ("report", "run", "--no-clip"): "out clip x",

@@ -250,4 +250,3 @@ def contact_normal(first: FloatArray, second: FloatArray) -> FloatArray:
             if apart > best + 1e-12:
                 best, found = apart, axis
     return found
-

@@ -17,10 +17,10 @@ from fg_mujoco.course.scenes import PREFIX
 from fg_mujoco.errors import ControllerError, FgMujocoError, SettingsError
 from fg_mujoco.messages import require_whole, shown
 from fg_mujoco.racing.entries import Entry, check_starts, grid_starts
+from fg_mujoco.racing.planner_origin import by_name, check_planner
 from fg_mujoco.racing.planners import ControllerChoice, only_planner
 from fg_mujoco.racing.resolved import Resolved, ground_of
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.racing.trust import by_name, check_planner
 from fg_mujoco.simulation.course_loading import load_track
 
 from ..runs.duels import Duel, require_circuit

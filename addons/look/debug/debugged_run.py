@@ -41,19 +41,22 @@ class DebuggedRun(Window):
 
 
 def debug(
-    source: RaceResult | Run | str | Path, *, at: float | None = None, window: float = WINDOW, trust: bool = False
+    source: RaceResult | Run | str | Path,
+    *,
+    at: float | None = None,
+    window: float = WINDOW,
+    controller: str | None = None,
 ) -> DebuggedRun:
     """Return the decisions of a run round a time, each with its scan, its command, and what held it.
 
-    The run is driven again and its planner is called along with it. A planner that is not bundled is loaded only with
-    `trust`, if its file is the recorded one; without it there are scans and commands alone. Of a race that was driven
-    in this process the planner is loaded.
+    The run is driven again and a planner is called along with it: of a race that was driven in this process its own, of
+    a run folder the one that is named. Without one there are scans and commands alone.
 
     Args:
       source: a run folder, a Run or a RaceResult.
       at: time [s] in the middle of the window; None: the window is at the end.
       window: how long it is [s].
-      trust: whether to load a planner that is not bundled, which runs its code.
+      controller: the planner; without settings in brackets it has those that the run recorded.
 
     Raises:
       RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
@@ -67,7 +70,7 @@ def debug(
     failed = _failed_scan(run)
     first, end, chosen = _window(drive, at, window, failed is not None)
     notes: list[str] = []
-    witness = Witness(_planner(run, drive, recorded, trust, notes), recorded.car)
+    witness = Witness(_planner(drive, recorded, controller, notes), recorded.car)
     decisions = []
     for tick, again in enumerate(resimulate(drive, world)):
         if tick >= end:
@@ -112,14 +115,11 @@ def _window(drive: Drive, at: float | None, window: float, failed: bool) -> tupl
     return first, min(first + count, last + 1), chosen
 
 
-def _planner(
-    run: RaceResult | Run, drive: Drive, recorded: RecordedRun, trust: bool, notes: list[str]
-) -> Controller | None:
-    """Return the planner of the run, or None and a note why there is none."""
-    folder = run.folder if isinstance(run, Run) else None
+def _planner(drive: Drive, recorded: RecordedRun, controller: str | None, notes: list[str]) -> Controller | None:
+    """Return the planner that is asked again, or None and a note why there is none."""
     try:
         return recorded_planner(
-            recorded.summary, recorded.model, trust=trust or drive.raced_here, where=recorded.source, folder=folder
+            recorded.summary, recorded.model, controller=controller, where=recorded.source, raced_here=drive.raced_here
         )
     except (FgMujocoError, KeyError, OSError, TypeError, ValueError) as error:
         why = " ".join(str(error).split())

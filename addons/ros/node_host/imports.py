@@ -21,7 +21,6 @@ from typing import Any
 
 from fg_mujoco.errors import ControllerError, accepted_names
 from fg_mujoco.gone import gone
-from fg_mujoco.simulation.old_numpy import OLD_NAMES
 
 from .graph import Graph
 from .message_classes import SERVICE_PACKAGES, Definitions
@@ -136,7 +135,7 @@ class Imports:
         source = read_source(path, text, self._node)
         self._unused[str(path)] = source.unused
         self._graph.data |= source.data
-        if b"random" in text or OLD_NAMES.search(text):
+        if b"random" in text:
             self._draws.add(str(path))
         for said in source.notes:
             _warn(said)

@@ -17,8 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from fg_mujoco.simulation.old_numpy import BEFORE_1_24, BEFORE_2
-
 from .graph import NANOSECONDS
 from .imports import Overlay, StandIn, package_folder
 from .node_session import Session
@@ -133,7 +131,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     """Return `random`, `numpy` and `numpy.random` as a node sees them that draws numbers without a seed of its own.
 
     Their generators are the node's own and begin at a seed, so that other nodes and threads draw none of its numbers.
-    What a node seeds itself has the numbers that it has anywhere. `numpy` also has the names of `old_numpy`.
+    What a node seeds itself has the numbers that it has anywhere.
     """
     plain, legacy = random.Random(seed), np.random.RandomState(seed)
     children = np.random.SeedSequence(seed)
@@ -160,7 +158,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     return {
         "random": Overlay(random, **{**of_plain, "Random": Unseeded, "SystemRandom": random.SystemRandom}),
         "numpy.random": drawing,
-        "numpy": Overlay(np, **{**BEFORE_1_24, **BEFORE_2, **vars(np), "random": drawing}),  # as quick as it
+        "numpy": Overlay(np, **{**vars(np), "random": drawing}),  # as quick as it
     }
 
 

@@ -337,7 +337,7 @@ def find_node(source: str) -> type[RosPlanner]:
     module = ModuleType(f"fg_mujoco_ros_{program.path.stem}_{zlib.crc32(place.encode()):08x}")
     module.__file__ = place
     vars(module)[READ] = program.text
-    sys.modules[module.__name__] = module  # where `trust.source_code` finds what was read
+    sys.modules[module.__name__] = module  # where `planner_origin.source_code` finds what was read
     said = f"Nodes of ROS: {', '.join(node.path.name for node in program.nodes) or program.path.name}."
     return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
 

@@ -67,7 +67,7 @@ def render(
     quality: str = "good",
     output: str = "rgb",
     overlays: Overlays | None = None,
-    trust: bool = False,
+    controller: str | None = None,
 ) -> NDArray[Any]:
     """Return pictures of a simulation as it is now, or of a recorded drive at one time or several.
 
@@ -83,7 +83,7 @@ def render(
       output: "rgb" (height, width, 3) uint8; "depth" (height, width) float32, along the view's axis [m], inf where
         there is sky; "segmentation" (height, width) uint8, places in LABELS.
       overlays: of a recorded drive, laid over "rgb"; None: none.
-      trust: as of a Film: whether the planner of a run folder may be loaded where it is not a bundled one.
+      controller: as of a Film: the planner that a run folder is asked again with.
 
     Raises:
       SettingsError: an unknown camera, quality or output, a size that cannot be drawn, a time outside of the drive, or
@@ -101,7 +101,9 @@ def render(
             return picture
     take: Callable[[float], NDArray[Any]]
     overlays = overlays or Overlays()
-    with Film(source, camera=camera, car=car, size=size, quality=quality, overlays=overlays, trust=trust) as film:
+    with Film(
+        source, camera=camera, car=car, size=size, quality=quality, overlays=overlays, controller=controller
+    ) as film:
         take = film.frame if output == "rgb" else film.depth if output == "depth" else film.segmentation
         if time is None or isinstance(time, (int, float)):
             return take(film.drive.end if time is None else float(time))

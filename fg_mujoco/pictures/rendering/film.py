@@ -47,8 +47,8 @@ class Film:
       size: width and height [px].
       quality: a name in QUALITIES.
       overlays: to be drawn; None: those that are usual for the camera.
-      trust: whether the overlay `beams` may load the planner of a run folder, which runs its code, where it is not a
-        bundled one. Its file must be the recorded one. Nothing else needs the planner.
+      controller: planner that the overlay `beams` asks again for a run folder, which loads none by itself. None: there
+        is only the scan. Of a RaceResult it is the one that raced.
 
     Attributes:
       drive: the recording.
@@ -71,7 +71,7 @@ class Film:
         size: tuple[int, int] = (1280, 720),
         quality: str = "good",
         overlays: Overlays | None = None,
-        trust: bool = False,
+        controller: str | None = None,
     ) -> None:
         self._camera = find_camera(camera)
         self.overlays = overlays if overlays is not None else find_overlays(camera)
@@ -87,7 +87,7 @@ class Film:
         self._car = car_parameters(self.renderer.model, prefix)
         self._forces = TireForceMeter(self.renderer.model, prefix)
         self._lidar = lidar_body(self.renderer.model, lidar_prefix(self.drive.car))
-        self._eye = PlannerEye(self.drive, trust=trust) if self.overlays.beams else None
+        self._eye = PlannerEye(self.drive, controller=controller) if self.overlays.beams else None
         self.note = self._eye.missing if self._eye is not None else ""
 
     def __repr__(self) -> str:

@@ -2,7 +2,8 @@
 
 The scan is measured again at the recorded state, with the noise and delay of the run, and given to the planner again. A
 planner gives its intermediate scans by a method `intermediate_scans(scan) -> {name: ranges (n,)}`, which the bundled
-planners inherit. If the planner cannot be made any more, or may not be loaded, there is only the scan.
+planners inherit. Of a run folder that is the planner that is named. If there is none, or it cannot
+be made, there is only the scan.
 """
 
 from __future__ import annotations
@@ -59,13 +60,13 @@ class PlannerEye:
 
     Args:
       drive: the recording.
-      trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one.
+      controller: text of the planner; None: that of a drive in this process, and of a run folder none.
 
     Attributes:
-      missing: why its planner cannot be made; empty if it can.
+      missing: why the planner cannot be made; empty if it can, or none is asked for.
     """
 
-    def __init__(self, drive: Drive, *, trust: bool = False) -> None:
+    def __init__(self, drive: Drive, *, controller: str | None = None) -> None:
         self._drive = drive
         self._model = model = mujoco.MjModel.from_xml_string(drive.xml)
         self._data = mujoco.MjData(model)
@@ -75,12 +76,15 @@ class PlannerEye:
         self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
         self._scans: list[LaserScan] = []
         self.missing = ""
-        self._planner = self._make_planner(trust=trust or drive.raced_here)
+        self._planner = self._make_planner(controller) if controller is not None or drive.raced_here else None
 
-    def _make_planner(self, *, trust: bool) -> Any:
-        summary = self._drive.summary
+    def _make_planner(self, controller: str | None) -> Any:
+        drive = self._drive
         try:
-            return recorded_planner(summary, self._model, self._drive.car, trust=trust, where=self._drive.name)
+            return recorded_planner(
+                drive.summary, self._model, drive.car, controller=controller, where=drive.name,
+                raced_here=drive.raced_here,
+            )  # fmt: skip
         except (FgMujocoError, KeyError, OSError, TypeError, ValueError) as error:
             self.missing = " ".join(str(error).split())
             return None

@@ -158,7 +158,7 @@ def test_a_run_keeps_the_policy_that_drove_it(here):
     other = fg.race("oval", "policy", time_limit=0.3)
     assert other.ctrl.tobytes() != result.ctrl.tobytes()
     summary = fg.read_run("run").summary
-    planner = recorded_planner(summary, result.world.model, trust=False, where="run", folder=here / "run")
+    planner = recorded_planner(summary, result.world.model, controller="run/controller.onnx", where="run")
     again = fg.race("oval", planner, time_limit=0.3)  # by the file in the run's folder
     assert again.ctrl.tobytes() == result.ctrl.tobytes()
     assert fg.replay("run").identical

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from cases import each
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
-from refusals import refused
 from small_policies import FLAT, network_for
 
 SMALL = {"environment": {"observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 1.0},
@@ -47,22 +45,6 @@ def test_a_training_goes_on_and_its_folder_is_a_planner(train, tmp_path):
     assert not np.array_equal(before.act(seen), read_policy(folder).act(seen))
     with pytest.raises(fg.RunFolderError, match=r"has a training with ppo.gamma 0.99, not 0.9; accepted"):
         train(folder, steps=512, **{**SMALL, "ppo": {**SMALL["ppo"], "gamma": 0.9}})
-
-
-@each("door", ["out", "folder", "file"])
-def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(door, tmp_path, capsys):
-    """Loading it runs the code in it: it is refused before anything reads it."""
-    folder, checkpoint = tmp_path / "theirs", tmp_path / "theirs/checkpoints/0000000064.zip"
-    checkpoint.parent.mkdir(parents=True)
-    checkpoint.write_bytes(b"theirs")
-    settings = TrainingSettings().described()
-    (folder / "training.json").write_text(json.dumps({"schema": 1, "settings": settings}))
-    out = folder if door == "out" else tmp_path / "mine"
-    start = {"out": [], "folder": ["--start-from", str(folder)], "file": ["--start-from", str(checkpoint)]}[door]
-    said = refused(tmp_path, capsys, "train", "--out", str(out), *start)
-    assert "0000000064.zip: was not written by a training of yours" in said and "accepted: --trust" in said
-    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
-    assert "--trust" not in refused(tmp_path, capsys, "train", "--out", str(out), *start, "--trust")
 
 
 def test_the_same_training_has_the_same_bits(train, tmp_path):

@@ -142,11 +142,10 @@ def folder(tmp_path_factory):
     return fg.write_run(race, tmp_path_factory.mktemp("runs") / "oval", picture=False)
 
 
-def test_no_planner_of_a_run_of_others_is_imported_without_trust(failed, capsys, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # as another user, who has not raced it
+def test_no_planner_of_a_run_is_imported_that_is_not_named(failed, capsys):
     capsys.readouterr()
     assert main(["debug", str(failed)]) == 0
-    assert "--trust" in capsys.readouterr().err
+    assert "accepted: --controller bad.py:Bad" in capsys.readouterr().err
     assert not (failed.parent / "marker").exists()
     seen = fg.debug(failed)
     assert [set(d.scans) for d in seen.decisions] == [{"raw"}] * 9
@@ -154,7 +153,7 @@ def test_no_planner_of_a_run_of_others_is_imported_without_trust(failed, capsys,
 
 
 def test_a_failed_planner_is_shown_with_its_exception_at_the_end(failed, capsys):
-    seen = fg.debug(failed, trust=True)
+    seen = fg.debug(failed, controller="bad.py:Bad")
     assert (failed.parent / "marker").exists() and seen.notes == ()
     assert seen.chosen is seen.decisions[-1] and seen.chosen.command is None
     assert "ValueError" in seen.chosen.failure and "bad.py" in seen.chosen.failure
@@ -166,15 +165,14 @@ def test_a_failed_planner_is_shown_with_its_exception_at_the_end(failed, capsys)
     assert before.scans["raw"].max() > 3.0 and len(before.motion) == 2
 
 
-def test_a_planner_whose_file_was_edited_is_not_shown_as_the_one_that_raced(folder, tmp_path):
+def test_a_planner_that_answers_otherwise_is_not_shown_as_the_one_that_raced(folder, tmp_path):
     copy = tmp_path / "run"
     shutil.copytree(folder, copy)
     summary = json.loads((copy / "summary.json").read_text())
     (copy / "summary.json").write_text(json.dumps(summary | {"planner_settings": {"clearance": 0.4}}))
-    (note,) = fg.debug(copy).notes
+    (note,) = fg.debug(copy, controller="gap_finder").notes
     assert "answers now another command" in note
-    (copy / "summary.json").write_text(json.dumps(summary | {"controller": "no_such_planner"}))
-    (note,) = fg.debug(copy, trust=True).notes
+    (note,) = fg.debug(copy, controller="no_such_planner").notes
     assert "no_such_planner" in note
 
 
@@ -182,7 +180,7 @@ def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
     summary = json.loads((failed / "summary.json").read_text())
     summary["track"] = summary["vehicle"] = summary["end_reason"] = MARKUP
     (failed / "summary.json").write_text(json.dumps(summary))
-    seen = fg.debug(failed, trust=True)
+    seen = fg.debug(failed, controller="bad.py:Bad")
     page = seen.write_page(failed / "page.html").read_text("utf-8")
     parsed = Page(page)
     assert "<script>alert" not in page and "<img" not in page and parsed.loads == []
@@ -192,7 +190,7 @@ def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
 
 
 def test_keys_step_through_the_decisions_in_a_browser(folder, tmp_path, page_of):
-    seen = fg.debug(folder, at=1.0, window=1.0)
+    seen = fg.debug(folder, at=1.0, window=1.0, controller="gap_finder")
     path = seen.write_page(tmp_path / "debug.html")
     with opened(page_of, path) as page:
 
@@ -273,7 +271,7 @@ def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):
 
 
 def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page_of):
-    path = fg.debug(failed, trust=True).write_page(failed / "debug.html")
+    path = fg.debug(failed, controller="bad.py:Bad").write_page(failed / "debug.html")
     with opened(page_of, path) as page:
         assert MARKUP in page.inner_text("#failure") and page.inner_text("#speed") == "none"
         page.keyboard.press("ArrowLeft")

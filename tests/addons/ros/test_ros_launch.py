@@ -1,6 +1,5 @@
 """Launch files of ROS 2 in Python, and workspaces of several packages: what they start and leave out."""
 
-import hashlib
 import re
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import pytest
 from cases import each
 from fg_mujoco.addons.ros.node_host.program import read_program
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing.trust import require_trusted, source_code
+from fg_mujoco.racing.planner_origin import source_code
 from ros_planners import commands, make
 
 DRIVE = """
@@ -315,8 +314,7 @@ def test_what_a_launch_file_fails_of_is_named_with_its_line(body, said, workspac
 def test_a_launch_file_is_executed_when_its_planner_is_built_and_not_before(workspace, tmp_path):
     mark = tmp_path / "executed"
     source = workspace(f"open({str(mark)!r}, 'w').write('x')\nreturn LaunchDescription([drive()])")
-    recorded = {"sha256": hashlib.sha256(read_program(source).text).hexdigest()}
-    require_trusted(source, recorded, trust=True, where="here")
+    assert read_program(source).text
     assert not mark.exists()
     assert speeds(source)[0] == 1.0
     assert mark.exists()

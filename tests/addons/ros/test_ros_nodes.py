@@ -28,7 +28,7 @@ from fg_mujoco.addons.ros.node_host.transform_modules import (
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing import planners
-from fg_mujoco.racing.trust import require_trusted, source_code
+from fg_mujoco.racing.planner_origin import source_code
 from ros_planners import ODOMETRY, commands, make, speeds
 from scan_worlds import CAR
 
@@ -435,18 +435,12 @@ def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictu
     path = Path(source.removeprefix("ros:").rpartition(":")[0])
     assert (folder / "controller.py").read_bytes() == path.read_bytes()
     assert main(["replay", str(folder)]) == 0
-    assert main(["debug", str(folder)]) == 0  # this user has raced it
-    assert "accepted: --trust" not in capsys.readouterr().err
-    summary = folder / "summary.json"
-    summary.write_bytes(summary.read_bytes() + b"\n")  # somebody else's, for all that is known
     assert main(["debug", str(folder)]) == 0
-    assert "accepted: --trust" in capsys.readouterr().err
-    path.unlink()  # the copy is taken
-    assert main(["debug", str(folder), "--trust"]) == 0
-    assert "not a bundled one" not in capsys.readouterr().err
+    assert f"accepted: --controller {source}" in capsys.readouterr().err
+    path.unlink()
+    assert main(["debug", str(folder), "--controller", f"ros:{folder / 'controller.py'}:Mine"]) == 0  # the copy
+    assert "without the planner's work" not in capsys.readouterr().err
     assert main(["race", "--config", str(folder)]) == 2
-    with pytest.raises(ControllerError, match="recorded is"):
-        require_trusted(node("self.drive(2)"), {"sha256": "0" * 64}, trust=True, where="here")
 
 
 def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys, without_pictures):
@@ -458,8 +452,8 @@ def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys, with
     source = f"ros:{path}:Mine"
     assert module.read_bytes() in source_code(type(make(source)))
     assert main(["race", "--controller", source, "--time-limit", "0.5", "--out", str(folder)]) == 1
-    assert main(["debug", str(folder), "--trust", "--out", str(tmp_path / "a.html")]) == 0
-    assert "without what the planner made" not in capsys.readouterr().err
+    assert main(["debug", str(folder), "--controller", source, "--out", str(tmp_path / "a.html")]) == 0
+    assert "without the planner's work" not in capsys.readouterr().err
     module.write_text("SPEED = 2.0\n")
     hashed = planners.ControllerChoice.of(source).sha256
     module.write_text("SPEED = 1.0\n")

@@ -12,7 +12,6 @@ import pytest
 from cases import each
 from fg_mujoco.addons.ros.node_host.graph import NodeError
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.simulation.planner_failure import one_line
 from ros_planners import ODOMETRY, ROS2, commands, make, node2, speeds, write
 
 # Commands that are no numbers
@@ -133,25 +132,6 @@ def test_poses_with_covariance_come_on_a_topic_of_any_name(topic, tmp_path):
     planner = make(node2(tmp_path, "pass", init, more))
     with pytest.warns(UserWarning, match=rf"{topic} (has no publisher|is \S+) here, and is taken for /amcl_pose"):
         assert commands(planner, 1, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))[0][0] == 3.0
-
-
-# Names that NumPy has no longer
-
-
-@each("code, said",
-      [("np.product([1])", r"install an older one: pip install 'numpy<2'$"),
-       ("np.in1d([1], [1])", r"pip install 'numpy<2'$"),
-       ("np.cast", r"`np.cast` was removed in the NumPy 2.0 release.*pip install 'numpy<2'$"),
-       ("float(np.ones(1))", r"is no number from NumPy 2.4 on: write value.item\(\).*'numpy<2.4'$"),
-       ("np.zeros(2).__setitem__(0, np.ones(1))", r"pip install 'numpy<2.4'$"),
-       ("np.float(1)", r"np.float went with NumPy 1.24, .*: write float in its place"),
-       ("exec('from numpy import product')", r"cannot import name 'product'.*pip install 'numpy<2'$")])  # fmt: skip
-def test_what_dies_of_numpy_2_is_told_which_version_to_install(code, said):
-    if "ones(1)" in code and np.lib.NumpyVersion(np.__version__) < "2.4.0":
-        return  # this NumPy takes an array of one element as a number
-    with pytest.raises((AttributeError, ImportError, TypeError, ValueError)) as raised:
-        eval(code, {"np": np})
-    assert re.search(said, one_line(raised.value)), one_line(raised.value)
 
 
 # Points and images
