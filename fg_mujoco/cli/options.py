@@ -23,7 +23,7 @@ from ..racing.planners import import_file
 from ..racing.setup import CAR_KEYWORDS, PARTS, Setup
 from ..registry import PARTS as ADDED
 from ..registry import Registry
-from ..simulation.planner_failure import without_exit
+from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import Start
 from ..vehicle.changes import CarChanges
 from .command import Part, group, names_in, number, option, pairs, whole
@@ -89,7 +89,7 @@ def _with_files(sensors: Sequence[Any]) -> list[Any]:
     return found
 
 
-@without_exit()
+@kept_folder()
 def _registered(path: Path, name: str) -> str:
     """Return the name in SENSORS of a sensor's class in a file: that under which the file registers it, or its own.
 

@@ -21,7 +21,7 @@ from ..racing.planners import build_controller, find_controller, split_controlle
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
 from ..simulation.planner_adapter import start as start_planner
-from ..simulation.planner_failure import without_exit
+from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import PLANNER_OPTIONS, CarSettings, known_settings
 from ..simulation.world import World
 from .actions import one_action
@@ -154,7 +154,7 @@ class Opponents:
         of_planners = [(np.array([row]), planners) for row, planners in self._adapted.items()]
         self._of_each = PlannersOfEach([*of_planners, *self._policies])
 
-    @without_exit()
+    @kept_folder()
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners; MessageError: a policy answers no action. What a policy raises is not caught."""
         return self._of_each(cars)

@@ -29,7 +29,7 @@ from ..errors import SettingsError
 from ..messages import CarParameters, Odometry, shown
 from ..racing.planners import import_file
 from ..registry import Registry
-from ..simulation.planner_failure import error_text, is_of_planner, one_line, without_exit
+from ..simulation.planner_failure import error_text, is_of_planner, kept_folder, one_line
 
 Law: TypeAlias = Callable[[float, Odometry, CarParameters, float], float]
 
@@ -91,7 +91,7 @@ class SpeedLaw:
             takes = f"takes {inspect.signature(self.function)}" if callable(self.function) else f"is a {kind}"
             raise SettingsError(f"speed law {self.name!r} {takes}; accepted: {ACCEPTED}") from None
 
-    @without_exit()
+    @kept_folder()
     def __call__(self, steering_angle: float, odometry: Odometry, car: CarParameters, mu: float) -> float:
         """Return the law's speed [m/s]."""
         at = f"speed law {self.name!r} at a steering angle of {steering_angle:g} rad and mu {mu:g}"
@@ -109,7 +109,7 @@ class SpeedLaw:
         return speed
 
 
-@without_exit()
+@kept_folder()
 def load_law(source: str) -> SpeedLaw:
     """Return a speed law: a name of LAWS or of an entry point, or a function in a file, as FILE.py:NAME.
 

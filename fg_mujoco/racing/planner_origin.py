@@ -26,7 +26,7 @@ from ..course.course import Course
 from ..course.files import file_sha256, is_file, is_folder
 from ..errors import ControllerError
 from ..messages import Controller
-from ..simulation.planner_failure import is_of_planner, one_line, without_exit
+from ..simulation.planner_failure import is_of_planner, kept_folder, one_line
 from ..simulation.settings import DriveSettings
 from .planners import PLANNERS, READ, ControllerChoice, build_controller, bundled_names, file_in, find_controller
 
@@ -107,7 +107,7 @@ def _source_file(found: Any) -> Path | None:
 # the files that it reads
 
 
-@without_exit()
+@kept_folder()
 def check_planner(choice: ControllerChoice, course: Course, drive: DriveSettings) -> Files:
     """Build a planner once, for a race on `course` with the car and the planner context of `drive`.
 

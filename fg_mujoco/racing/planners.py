@@ -37,7 +37,7 @@ from ..gone import gone
 from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry, PlannerContext
 from ..registry import Registry, added, package_of
 from ..simulation.planner_adapter import short, short_text, wanted_sensors
-from ..simulation.planner_failure import error_text, file_of, is_of_planner, one_line, without_exit
+from ..simulation.planner_failure import error_text, file_of, is_of_planner, kept_folder, one_line
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -271,7 +271,7 @@ def controller_names() -> tuple[str, ...]:
     return tuple(sorted(set(PLANNERS.names()) - set(BASELINES)))
 
 
-@without_exit()
+@kept_folder()
 def find_controller(source: str) -> Any:
     """Return the class of a controller without settings; one in a file is read afresh.
 
@@ -306,7 +306,7 @@ def find_controller(source: str) -> Any:
     raise ControllerError(f"{said}: the file has no class {class_name!r}; {accepted_names(class_name, names)}")
 
 
-@without_exit()
+@kept_folder()
 def only_planner(source: str) -> str:
     """Return the text of a planner's file with the name of the only planner in it; any other text as it is.
 
@@ -382,7 +382,7 @@ def import_file(path: Path, origin: str) -> ModuleType:
 # building one
 
 
-@without_exit()
+@kept_folder()
 def make_controller(
     source: str | Controller,
     context: PlannerContext | None = None,
@@ -427,7 +427,7 @@ def make_controller(
     return build_controller(find_controller(source), source, context, settings)
 
 
-@without_exit()
+@kept_folder()
 def build_controller(
     factory: Any, source: str, context: PlannerContext, settings: Mapping[str, Any] | None = None
 ) -> Controller:

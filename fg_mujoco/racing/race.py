@@ -30,7 +30,7 @@ from ..errors import SettingsError
 from ..messages import Controller
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
-from ..simulation.planner_failure import DecisionLimitReached, PlannerFailure, without_exit
+from ..simulation.planner_failure import DecisionLimitReached, PlannerFailure, kept_folder
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .decision_times import DecisionClock, DecisionTimes
@@ -111,7 +111,7 @@ def race(
     return result
 
 
-@without_exit()
+@kept_folder()
 def race_setup(setup: Setup, *, watch: Callable[[RaceProgress], None] | None = None) -> RaceResult:
     """Race what a setup says; arguments and errors are those of `race`.
 

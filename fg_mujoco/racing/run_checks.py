@@ -1,4 +1,4 @@
-"""Checks the files of a run folder: a folder can come from anybody, and is checked before anything reads it.
+"""Checks the files of a run folder before anything reads them, so that a damaged one is told in one line.
 
     check_summary(summary)
     xml = checked_scene(xml)
@@ -9,9 +9,11 @@ Each raises a ValueError that says what is wrong and what is accepted.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, is_dataclass
+from functools import partial
 from pathlib import PurePath
-from typing import Any
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 from ..course.mjcf import checked_mjcf
 from ..errors import SettingsError
@@ -26,106 +28,58 @@ from .decision_times import DecisionTimes
 from .entries import GRIDS
 from .rules import RULES, Contact, Overtake, Restart, Warned
 
-GREATEST = 1e9
-"""Of the numbers in a summary."""
-
-Accepts = Callable[[Any], bool]
+_GREATEST = 1e9  # of the numbers in a summary
+_GREATEST_COUNT = 2**63  # and of whole ones, which seeds are
 
 
-def is_figure(value: Any) -> bool:
-    """Return whether a value of a summary is a number within GREATEST."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and -GREATEST <= value <= GREATEST
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
-
-
-def _is_mapping(value: Any, names: set[str], texts: tuple[str, ...] = ()) -> bool:
-    """Return whether a value has these names, and numbers but for the `texts`."""
-    return (
-        isinstance(value, dict)
-        and set(value) == names
-        and all(isinstance(value[name], str) if name in texts else is_figure(value[name]) for name in value)
-    )
-
-
-def _is_failure(value: Any) -> bool:
-    numbers = ("time_s", "line")
-    return (
-        isinstance(value, dict)
-        and {"error", "time_s", "file", "line", "traceback"} <= set(value)
-        and is_figure(value["time_s"])
-        and (value["line"] is None or is_figure(value["line"]))
-        and all(each is None or isinstance(each, str) for name, each in value.items() if name not in numbers)
-    )
-
-
-def _are(kind: type) -> Accepts:
-    """Return a test of whether a value is a list of the fields of a dataclass: numbers, texts and pairs of texts."""
-    of_type: dict[str, Accepts] = {"float": is_figure, "int": is_figure, "str": lambda value: isinstance(value, str)}
-    checks = {field.name: of_type.get(str(field.type), _are_texts) for field in fields(kind)}
-    required = {field.name for field in fields(kind) if field.default is MISSING}  # older runs have only these
-
-    def accepts(value: Any) -> bool:
-        return isinstance(value, list) and all(
-            isinstance(row, dict)
-            and required <= set(row) <= set(checks)
-            and all(checks[name](value) for name, value in row.items())
-            for row in value
+def _fits(value: Any, kind: Any) -> bool:
+    """Return whether a value of JSON is as a race writes one of a type, a dataclass, or values by name of such."""
+    if is_dataclass(kind):
+        kinds, required = get_type_hints(kind), {f.name for f in fields(kind) if f.default is MISSING}
+        return isinstance(value, dict) and required <= set(value) <= set(kinds) and _fits(value, kinds)
+    if isinstance(kind, dict):
+        return isinstance(value, dict) and all(
+            name not in value or (value[name] is None and name.startswith("slid_")) or _fits(value[name], own)
+            for name, own in kind.items()  # how long tires without a peak had slid is null
         )
+    if get_origin(kind) is tuple:
+        of, *others = get_args(kind)
+        count = others == [...] or (isinstance(value, list) and len(value) == 1 + len(others))
+        return isinstance(value, list) and count and all(_fits(each, of) for each in value)
+    if kind is Any:
+        return True
+    if get_origin(kind) is dict:
+        return isinstance(value, dict) and all(_fits(each, get_args(kind)[1]) for each in value.values())
+    if isinstance(kind, UnionType):
+        return any(_fits(value, each) for each in get_args(kind))
+    if kind in (int, float):
+        limits = (0, _GREATEST_COUNT) if kind is int else (-_GREATEST, _GREATEST)
+        accepted = (int,) if kind is int else (int, float)
+        return isinstance(value, accepted) and not isinstance(value, bool) and limits[0] <= value <= limits[1]
+    return isinstance(value, kind)
 
-    return accepts
 
-
-def _are_texts(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(isinstance(each, str) for each in value)
+_OF_A_CAR: dict[str, Any] = {
+    **dict.fromkeys(("vehicle", "controller", "end_reason"), str), "finished": bool,
+    **dict.fromkeys(("laps_completed", "position", "collisions_wall", "collisions_car"), int),
+    **dict.fromkeys(("end_time_s", "max_speed_m_s"), float), "lap_times_s": tuple[float, ...],
+}  # fmt: skip
+"""Values of each of several cars that a replay and a report of them need."""
 
 
 def _are_cars(value: Any) -> bool:
     """Return whether a value is rows of cars; of several, with what a replay of them needs."""
-    if not isinstance(value, list) or len(value) > GREATEST_CARS or not all(isinstance(row, dict) for row in value):
+    if not isinstance(value, list) or len(value) > GREATEST_CARS:
         return False
-    if not all(is_figure(row.get("end_time_s", 0.0)) for row in value):
+    if not all(_fits(row, {"end_time_s": float, "max_slide_m_s": float | None}) for row in value):
         return False
     names = [row.get("name") for row in value]
     return len(value) < 2 or (
         all(isinstance(name, str) for name in names)
         and len(set(names)) == len(names)
-        and all(_is_row(row) for row in value)
+        and all(set(_OF_A_CAR) <= set(row) and _fits(row, _OF_A_CAR) for row in value)
+        and all(row.get("lidar_effects") is None or _is_effects(row["lidar_effects"]) for row in value)
     )
-
-
-def _is_row(row: dict[str, Any]) -> bool:
-    """Return whether the row of one of several cars has what a replay and a report of them need."""
-    return (
-        all(isinstance(row.get(name), str) for name in ("end_reason", "controller", "vehicle"))
-        and all(is_figure(row.get(name)) for name in ("end_time_s", "max_speed_m_s"))
-        and (row.get("max_slide_m_s") is None or is_figure(row["max_slide_m_s"]))
-        and all(_is_count(row.get(name)) for name in ("position", "laps_completed", "collisions_car"))
-        and isinstance(row.get("finished"), bool)
-        and _is_count(row.get("collisions_wall"))
-        and isinstance(row.get("lap_times_s"), list)
-        and all(map(is_figure, row["lap_times_s"]))
-        and (row.get("lidar_effects") is None or _is_effects(row["lidar_effects"]))
-    )
-
-
-def _is_times(value: Any) -> bool:
-    return isinstance(value, dict) and _is_mapping({k: 0 if v is None else v for k, v in value.items()}, _TIMES)
-
-
-def _is_crash(value: Any) -> bool:
-    """Return whether a value is a Crash; how long tires without a peak had slid is null."""
-    if not isinstance(value, dict):
-        return False
-    known = {k: 0.0 if v is None and k.startswith("slid_") else v for k, v in value.items()}
-    return _is_mapping(known, _CRASH, ("into", "geom"))
-
-
-def _is_settings(value: Any) -> bool:
-    limit = value.get("time_limit") if isinstance(value, dict) else 0
-    return limit is None or (is_figure(limit) and limit > 0.0)
 
 
 def _is_effects(value: Any) -> bool:
@@ -139,77 +93,80 @@ def _is_effects(value: Any) -> bool:
     return True
 
 
-_WRONG_WAY, _CRASH, _TIMES = ({field.name for field in fields(kind)} for kind in (WrongWay, Crash, DecisionTimes))
-_TEXT: tuple[str, Accepts] = ("a text", lambda value: isinstance(value, str))
-_TRUTH: tuple[str, Accepts] = ("true or false", lambda value: isinstance(value, bool))
-_COUNT: tuple[str, Accepts] = (
-    f"a whole number from 0 to {GREATEST:.0e}", lambda value: _is_count(value) and value <= GREATEST
-)  # fmt: skip
-_SEED: tuple[str, Accepts] = ("a whole number from 0", _is_count)
-_NUMBER: tuple[str, Accepts] = (f"a number within {GREATEST:.0e}", is_figure)
-_POSITIVE: tuple[str, Accepts] = (
-    f"a number above 0, up to {GREATEST:.0e}", lambda value: is_figure(value) and value > 0.0
-)  # fmt: skip
-_NUMBERS: tuple[str, Accepts] = (
-    "a list of numbers", lambda value: isinstance(value, list) and all(map(is_figure, value))
-)  # fmt: skip
-
-
-def _are_sensors(value: Any) -> bool:
-    """Say whether a value may be sensors; whether there are such, whoever measures with them says."""
-    return isinstance(value, list) and all(isinstance(each, dict) and "sensor" in each for each in value)
-
-
-def _are_texts_by_name(value: Any) -> bool:
-    return isinstance(value, dict) and all(each is None or isinstance(each, str) for each in value.values())
-
-
 def _is_origin(value: Any) -> bool:
-    """Return whether this is where a planner comes from; older versions have no `files`."""
-    texts = {name: each for name, each in value.items() if name != "files"} if isinstance(value, dict) else value
-    return _are_texts_by_name(texts) and (value.get("files") is None or _are_texts_by_name(value["files"]))
+    """Return whether this is where a planner comes from: texts by name, and the hashes of its files by theirs."""
+    text_or_none = dict[str, str | None]
+    own = isinstance(value, dict) and {name: each for name, each in value.items() if name != "files"}
+    return _fits(own, text_or_none) and _fits(value.get("files") or {}, text_or_none)
 
 
-_BY_NAME: tuple[str, Accepts] = ("values by name", lambda value: isinstance(value, dict))
-_SUMMARY: dict[str, tuple[str, Accepts]] = {
-    "track": _TEXT, "vehicle": _TEXT, "vehicle_sha256": _TEXT, "tires": _TEXT, "tires_model": _TEXT,
-    "controller": _TEXT, "assist": _TEXT, "end_reason": _TEXT, "trajectory_sha256": _TEXT,
-    "fg_mujoco_version": _TEXT, "mujoco_version": _TEXT,
-    "platform": _TEXT, "finished": _TRUTH, "laps_completed": _COUNT, "collisions": _COUNT, "obstacles": _COUNT,
-    "clamped_commands": _COUNT, "seed": _SEED, "obstacle_seed": _SEED, "lap_times_s": _NUMBERS,
-    **dict.fromkeys(("mu", "planner_mu", "speed_limit_m_s", "decision_limit_s"), _POSITIVE),
+def _is_above_0(value: Any) -> bool:
+    return _fits(value, float) and value > 0.0
+
+
+def _is_settings(value: Any) -> bool:
+    limit = value.get("time_limit") if isinstance(value, dict) else 0
+    return limit is None or _is_above_0(limit)
+
+
+def _of(kind: Any, words: str) -> tuple[str, Callable[[Any], bool]]:
+    return words, partial(_fits, kind=kind)
+
+
+_FAILURE = {
+    "error": str, "time_s": float, "file": str | None, "line": int | None, "traceback": str | None, "scan": str | None
+}  # fmt: skip
+_SUMMARY: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    **dict.fromkeys(
+        ("track", "vehicle", "vehicle_sha256", "tires", "tires_model", "controller", "assist", "end_reason",
+         "trajectory_sha256", "fg_mujoco_version", "mujoco_version", "platform", "winner", "floor"),
+        _of(str, "a text"),
+    ),
+    **dict.fromkeys(
+        ("laps_completed", "collisions", "obstacles", "clamped_commands", "seed", "obstacle_seed"),
+        _of(int, "a whole number from 0"),
+    ),
     **dict.fromkeys(
         ("max_slide_m_s", "max_lateral_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s",
-         "sim_time_s", "wall_time_s", "realtime_factor", "odometry_drift"), _NUMBER,
+         "sim_time_s", "wall_time_s", "realtime_factor", "odometry_drift"),
+        _of(float, f"a number within {_GREATEST:.0e}"),
+    ),
+    **dict.fromkeys(
+        ("mu", "planner_mu", "speed_limit_m_s", "decision_limit_s"),
+        (f"a number above 0, up to {_GREATEST:.0e}", _is_above_0),
+    ),
+    **{
+        name: _of(kind, f"a list of {get_args(kind)[0].__name__}, as a race wrote it")
+        for name, kind in (
+            ("overtakes", tuple[Overtake, ...]), ("contacts", tuple[Contact, ...]), ("warnings", tuple[Warned, ...]),
+            ("restarts", tuple[Restart, ...]),
+        )
+    },
+    **{
+        name: _of(kind, f"the fields of {kind.__name__}")
+        for name, kind in (("decision_times", DecisionTimes), ("wrong_way", WrongWay), ("crash", Crash))
+    },
+    "finished": _of(bool, "true or false"),
+    "lap_times_s": _of(tuple[float, ...], "a list of numbers"),
+    "laps_requested": (
+        f"a whole number from 0 to {GREATEST_LAPS}", lambda value: _fits(value, int) and value <= GREATEST_LAPS
     ),
     "lidar": (" or ".join(LIDAR_BACKENDS), lambda value: value in LIDAR_BACKENDS),
-    "laps_requested": (
-        f"a whole number from 0 to {GREATEST_LAPS}", lambda value: _is_count(value) and value <= GREATEST_LAPS
-    ),
-    "controller_origin": ("texts by name, and files as texts by name", _is_origin),
-    "decision_times": (
-        "the fields of DecisionTimes",
-        _is_times,
-    ),
-    "lidar_effects": ("the fields of LidarEffects, and no file's name", _is_effects),
-    "planner_settings": _BY_NAME,
-    "settings": (
-        "settings by name, time_limit above 0",
-        _is_settings,
-    ),
-    "cars": (f"a row of values for each of up to {GREATEST_CARS} cars", _are_cars),
     "grid": (" or ".join(GRIDS), lambda value: value in GRIDS),
     "rules": (" or ".join(RULES), lambda value: isinstance(value, str) and value in RULES),
-    "winner": _TEXT,
-    "floor": _TEXT,
-    **{
-        name: (f"a list of {kind.__name__}, as a race wrote it", _are(kind))
-        for name, kind in (("overtakes", Overtake), ("contacts", Contact), ("warnings", Warned), ("restarts", Restart))
-    },
-    "wrong_way": (f"wrong_way, of {', '.join(sorted(_WRONG_WAY))}", lambda value: _is_mapping(value, _WRONG_WAY)),
-    "crash": (f"crash, of {', '.join(sorted(_CRASH))}", _is_crash),
-    "planner_failure": ("planner_failure, as a race wrote it", _is_failure),
-    "sensors": ("a list of sensors, as a race wrote it", _are_sensors),
+    "controller_origin": ("texts by name, and files as texts by name", _is_origin),
+    "lidar_effects": ("the fields of LidarEffects, and no file's name", _is_effects),
+    "planner_settings": _of(dict, "values by name"),
+    "settings": ("settings by name, time_limit above 0", _is_settings),
+    "cars": (f"a row of values for each of up to {GREATEST_CARS} cars", _are_cars),
+    "planner_failure": (
+        "planner_failure, as a race wrote it",
+        lambda value: _fits(value, _FAILURE) and {*_FAILURE} - {"scan"} <= set(value),
+    ),
+    "sensors": (
+        "a list of sensors, as a race wrote it",
+        lambda value: _fits(value, tuple[dict[str, Any], ...]) and all("sensor" in each for each in value),
+    ),
 }  # fmt: skip
 """Entries of a summary by name: the accepted values in words, and a test of a value. Each may be null or missing."""
 

@@ -37,7 +37,7 @@ from ..racing.rules import RaceRecord, race_control
 from ..simulation.cars import WorldCar
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Decide, Planners, PlannersOfEach, adapt, start
-from ..simulation.planner_failure import without_exit
+from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import Scenario, Start
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS
@@ -97,7 +97,7 @@ class WorldResults:
     scans: tuple[NDArray[np.void], ...] = ()  # (ticks,) rows of ScanLayout.dtype of car 0 of each world, if recorded
 
 
-@without_exit()
+@kept_folder()
 def drive_worlds(
     scenarios: Sequence[Scenario],
     controller: str,

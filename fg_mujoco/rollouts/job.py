@@ -33,7 +33,7 @@ from ..racing.planners import Value, build_controller, code_of, find_controller
 from ..racing.randomization import OF_ENVIRONMENTS, Randomization
 from ..racing.setup import require_decision_limit
 from ..simulation.physics import STATE
-from ..simulation.planner_failure import without_exit
+from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit
 from ..simulation.telemetry import TELEMETRY
 from ..vehicle.changes import CarChanges
@@ -83,7 +83,7 @@ class RolloutJob:
             raise SettingsError("obstacles is given for all worlds and in randomize; accepted: one of them")
         Record.of(self.record)
 
-    @without_exit()
+    @kept_folder()
     def checked(self) -> RolloutJob:
         """Refuse what cannot be driven, before anything is; return the job with the files that its planners read.
 

@@ -7,7 +7,6 @@ for bit, for that is the contract of `batch`, without the messages in between.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -34,14 +33,12 @@ from ..messages import (
 from .compiled_tick import not_finite
 from .planner_failure import (
     DecisionLimitReached,
-    class_name,
-    end_fork_of,
     error_text,
     failure_of,
     file_of,
     is_of_planner,
+    kept_folder,
     place,
-    without_exit,
     wrong_answer,
 )
 from .termination import END_REASONS
@@ -187,7 +184,6 @@ class BatchPlanners:
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners; PlannerError: it is not known whose failure it is, or `raises` and a command is no number."""
-        process = os.getpid()
         try:
             if self._take_readings is not None:
                 for row in np.flatnonzero(cars.running).tolist():
@@ -198,8 +194,6 @@ class BatchPlanners:
             if not is_of_planner(error):
                 raise
             return self.failed(error, cars)
-        finally:
-            end_fork_of(process)
         return None if np.isfinite(cars.commands).all() else self.refused(cars)
 
     def compiled_calls(self, cars: Cars) -> Calls | None:
@@ -343,7 +337,7 @@ def wanted_sensors(kind: type) -> tuple[str, ...]:
     return tuple(names)
 
 
-@without_exit()
+@kept_folder()
 def start(controller: Controller) -> None:
     """Reset the controller for a new race; ControllerError: its `reset` raises."""
     try:
@@ -351,19 +345,14 @@ def start(controller: Controller) -> None:
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        name = class_name(controller)
         raise ControllerError(
-            f"controller {name} failed in reset(): {error_text(error, file_of(type(controller)))}"
+            f"controller {type(controller).__name__} failed in reset(): {error_text(error, file_of(type(controller)))}"
         ) from error
 
 
 def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCommand:
     """Return the controller's answer to a scan; PlannerError: it raises, or answers no DriveCommand."""
-    if not without_exit.active():  # as for a recorded scan: nobody else guards the process
-        with without_exit():
-            return plan(controller, scan, odometry)
     values: tuple[Any, Any] | None = None
-    process = os.getpid()
     try:
         answer = controller(scan, odometry)
         if issubclass(type(answer), DriveCommand):
@@ -372,8 +361,6 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
         if not is_of_planner(error):
             raise
         raise _failed(error, type(controller), scan, odometry) from error
-    finally:
-        end_fork_of(process)
     if values is None:
         raise _answered(f"answered {short(answer)}", A_COMMAND, type(controller), scan, odometry)
     if type(answer) is DriveCommand and {*map(type, values)} == {float} and math.isfinite(sum(values)):
@@ -413,7 +400,7 @@ def short(value: object) -> str:
     try:
         return short_text(str.__str__(repr(value)))
     except BaseException as error:
-        return f"an object of {class_name(value)} whose __repr__ raises {class_name(error)}"
+        return f"an object of {type(value).__name__} whose __repr__ raises {type(error).__name__}"
 
 
 def short_text(text: str) -> str:

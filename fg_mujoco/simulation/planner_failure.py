@@ -9,18 +9,16 @@ import re
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import FrozenInstanceError, dataclass, field
-from dis import opname
 from pathlib import Path
-from types import FunctionType, TracebackType
+from types import FunctionType
 from typing import Any
 
 from ..display import brief
 from ..messages import LaserScan, Odometry
 
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")  # of numba's messages in a terminal
-_LONGEST = 20_000  # characters of a message or traceback; of what is longer the middle is left out
 
 
 class DecisionLimitReached(BaseException):
@@ -57,13 +55,13 @@ class PlannerFailure:
 
 def one_line(error: BaseException) -> str:
     """Return the kind and message of an error in one line; of numba's many lines, those that say what it is."""
-    lines = _COLOURS.sub("", _message(error)).splitlines()
+    lines = _COLOURS.sub("", str(error)).splitlines()
     if _of_numba(error):
         saying = [line for line in lines if line.strip() and not line.startswith("Failed in ")]
         ends = (i for i, line in enumerate(saying) if line.startswith(("During: ", "File ")))
         lines = saying[: next(ends, None)] or lines
     said = " ".join(" ".join(lines).split())
-    return f"{class_name(error)}: {said}{_advice(error, said)}"
+    return f"{type(error).__name__}: {said}{_advice(error, said)}"
 
 
 def _advice(error: BaseException, said: str) -> str:
@@ -74,53 +72,20 @@ def _advice(error: BaseException, said: str) -> str:
 
 
 def is_of_planner(error: BaseException) -> bool:
-    """Return whether an error is the planner's, and not the decision limit or Ctrl-C, which no `raise` raises."""
-    if issubclass(type(error), DecisionLimitReached):
-        return False
-    place = _traceback(error)
-    while place is not None and place.tb_next is not None:
-        place = place.tb_next
-    if type(error) is not KeyboardInterrupt or place is None:
-        return True
-    return opname[place.tb_frame.f_code.co_code[place.tb_lasti]] == "RAISE_VARARGS"
+    """Return whether an exception is the planner's fault, and not Ctrl-C or the decision limit."""
+    return not isinstance(error, (DecisionLimitReached, KeyboardInterrupt))
 
 
-class without_exit(contextlib.ContextDecorator):  # noqa: N801  # a verb, as in contextlib
-    """Lets `os._exit` raise SystemExit in all threads, so that a planner that calls it fails and ends no process.
-
-    Forks of a planner end at the latest when they come out of here. The main thread's folder is restored.
-    """
-
-    _lock, _entered = threading.Lock(), 0
-    _exit: Any = os._exit
-    _folder: str | None = None
-
-    def _recreate_cm(self) -> without_exit:
-        return without_exit()  # as a decorator, one for each call
-
-    @classmethod
-    def active(cls) -> bool:
-        """Return whether it holds now."""
-        return without_exit._entered > 0
-
-    def __enter__(self) -> None:
-        self._process, kind = os.getpid(), without_exit
-        with kind._lock:
-            kind._entered += 1
-            if kind._entered == 1:
-                kind._exit, kind._folder = os._exit, _current_folder()
-                vars(os)["_exit"] = _raising_exit(os._exit, os.getpid())
-
-    def __exit__(self, *exception: object) -> None:
-        end_fork_of(self._process)
-        kind = without_exit
-        with kind._lock:
-            kind._entered -= 1
-            if kind._entered == 0:
-                vars(os)["_exit"] = kind._exit
-                if kind._folder is not None and _current_folder() != kind._folder:
-                    with contextlib.suppress(OSError):
-                        os.chdir(kind._folder)
+@contextlib.contextmanager
+def kept_folder() -> Iterator[None]:
+    """Make the current folder in the end again what it was, where a planner has changed it: paths are from there."""
+    folder = _current_folder()
+    try:
+        yield
+    finally:
+        if folder is not None and _current_folder() != folder:
+            with contextlib.suppress(OSError):
+                os.chdir(folder)
 
 
 def _current_folder() -> str | None:
@@ -133,17 +98,6 @@ def _current_folder() -> str | None:
         return None
 
 
-def end_fork_of(process: int) -> None:
-    """End this process if it is not the one with this number: a planner has forked it, and it would drive on."""
-    if os.getpid() != process:
-        os._exit(0)
-
-
-def class_name(value: object) -> str:
-    """Return the name of the class of an object, whatever the class says of itself."""
-    return str(type.__dict__["__name__"].__get__(type(value)))
-
-
 def place(file: str | None, line: int | None) -> str:
     """Return a file and a line in it in brackets; nothing where there is no line."""
     return f" ({file}, line {line})" if file is not None and line is not None else ""
@@ -151,7 +105,7 @@ def place(file: str | None, line: int | None) -> str:
 
 def error_text(error: BaseException, file: str | None) -> str:
     """Return the kind and the message of an error, and the line of a planner's file in which it was raised."""
-    return one_line(error) + ("" if issubclass(type(error), SyntaxError) else place(file, line_of(error, file)))
+    return one_line(error) + ("" if isinstance(error, SyntaxError) else place(file, line_of(error, file)))
 
 
 def file_of(kind: Any) -> str | None:
@@ -174,11 +128,11 @@ def line_of(error: BaseException, file: str | None) -> int | None:
 
 def _line_in_kernel(error: BaseException, file: str) -> int | None:
     """Return the line of a file that numba could not compile; None: neither its message nor its frames tell it."""
-    said, text = _COLOURS.sub("", _message(error)), ""
+    said, text = _COLOURS.sub("", str(error)), ""
     lines = re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', said)
     if lines:
         return int(lines[-1])
-    frames = (frame for frame, _ in traceback.walk_tb(_traceback(error)) if frame.f_code.co_name == "compile_extra")
+    frames = (frame for frame, _ in traceback.walk_tb(error.__traceback__) if frame.f_code.co_name == "compile_extra")
     compiled = (frame.f_locals.get("func") for frame in frames)
     kernels = [*re.findall(r"<function (\w+) at", said), *(getattr(each, "__name__", "") for each in compiled)]
     with contextlib.suppress(OSError, UnicodeError):
@@ -193,7 +147,7 @@ def _line_in_kernel(error: BaseException, file: str) -> int | None:
 
 def _frames(error: BaseException, file: str | None) -> list[traceback.FrameSummary]:
     """Return the frames of an error; a kernel that was compiled of the same text in another folder is of this file."""
-    frames = list(traceback.extract_tb(_traceback(error)))
+    frames = list(traceback.extract_tb(error.__traceback__))
     if file is None or any(frame.filename == file for frame in frames):
         return frames
     own = Path(file).name
@@ -213,20 +167,8 @@ def own_traceback(error: BaseException, file: str | None) -> str:
         left = "(numba's other lines are left out; race --traceback prints them)\n"
         return "".join(["Traceback of the planner:\n", *traceback.format_list(own), one_line(error), "\n", left])
     first = next((i for i, frame in enumerate(frames) if frame.filename == file), 0)
-    try:
-        ends = _bounded("".join(traceback.format_exception_only(error)))
-    except BaseException:  # the error's own attributes raise
-        ends = f"{one_line(error)}\n"
-    lines = [*traceback.format_list(frames[first:]), ends]
+    lines = [*traceback.format_list(frames[first:]), *traceback.format_exception_only(error)]
     return _COLOURS.sub("", "Traceback of the planner:\n" + "".join(lines))
-
-
-def whole_traceback(error: BaseException) -> str:
-    """Return the traceback of an error and of what caused it, or what there is of it where its attributes raise."""
-    try:
-        return _bounded("".join(traceback.format_exception(error)))
-    except BaseException:
-        return _bounded("".join([*traceback.format_tb(_traceback(error)), one_line(error), "\n"]))
 
 
 def failure_of(error: BaseException, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerFailure:
@@ -234,7 +176,8 @@ def failure_of(error: BaseException, kind: type, scan: LaserScan, odometry: Odom
     file = file_of(kind)
     return PlannerFailure(
         error=one_line(error), time_s=scan.stamp, file=file, line=line_of(error, file) or _definition(kind, file),
-        traceback=own_traceback(error, file), whole_traceback=whole_traceback(error), scan=scan, odometry=odometry,
+        traceback=own_traceback(error, file), whole_traceback="".join(traceback.format_exception(error)), scan=scan,
+        odometry=odometry,
     )  # fmt: skip
 
 
@@ -255,43 +198,13 @@ def _definition(kind: Any, file: str | None) -> int | None:
 
 def _of_numba(error: BaseException) -> bool:
     """Return whether numba could not compile something."""
-    return str(type.__dict__["__module__"].__get__(type(error))).startswith("numba.")
+    return type(error).__module__.startswith("numba.")
 
 
 def _of_compiler(error: BaseException) -> bool:
     """Return whether an error was raised while numba compiled something; it may be of any class."""
     folder = f"{os.sep}numba{os.sep}core{os.sep}"
-    return _of_numba(error) or any(folder in frame.filename for frame in traceback.extract_tb(_traceback(error)))
-
-
-def _traceback(error: BaseException) -> TracebackType | None:
-    """Return the traceback of an error, whose class may say otherwise."""
-    found: TracebackType | None = BaseException.__dict__["__traceback__"].__get__(error)
-    return found
-
-
-def _message(error: BaseException) -> str:
-    """Return the message of an error, of bounded length; where it has none because `__str__` raises, that."""
-    try:
-        return _bounded(str.__str__(str(error)))
-    except BaseException as raised:
-        return f"(its message cannot be had: __str__ raised {class_name(raised)})"
-
-
-def _bounded(text: str) -> str:
-    """Return a text without the middle of what is too long."""
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}"
-
-
-def _raising_exit(real: Callable[[int], Any], process: int) -> Callable[[int], Any]:
-    """Return the function that replaces `os._exit` in a process."""
-
-    def _exit(status: int) -> Any:
-        if os.getpid() != process:  # a fork's
-            real(status)
-        raise SystemExit(f"os._exit({status!r}) in a planner")
-
-    return _exit
+    return _of_numba(error) or any(folder in frame.filename for frame in traceback.extract_tb(error.__traceback__))
 
 
 def _plain(member: Any) -> FunctionType | None:

@@ -328,7 +328,6 @@ class Leaves(Sensor):
         ("sensor=own.py:Fails,rate=100", "failed at t = 0.100 s: KeyError: True (own.py, line 12)"),
         ("own.py:Unmade", "cannot be made: AttributeError: 'Unmade' object has no attribute 'gain' (own.py, line 18)"),
         ("own.py:Leaves", "failed at t = 0.000 s: SystemExit: 3 (own.py, line 26)"),
-        ("leaves.py", "sensor 'leaves.py' does not import: SystemExit: os._exit(4) in a planner (leaves.py, line 2)"),
         ("own.py:imu", "has a class imu, the name of a bundled sensor; accepted: another name"),
         ("own.py:Fail", "sensor 'own.py' has no Fail; accepted: Fails, Unmade, imu, Leaves; did you mean 'Fails'?"),
         ("own.py", "sensor 'own.py' has no class named behind it; accepted: Fails, Unmade, imu, Leaves"),
@@ -341,7 +340,6 @@ def test_a_sensor_of_a_file_that_fails_is_told_with_its_line(given, said, tmp_pa
     monkeypatch.setattr(SENSORS, "_own", dict(SENSORS._own))
     Path("own.py").write_text(OWN)
     Path("typo.py").write_text("\nnumpy.pi")
-    Path("leaves.py").write_text("import os\nos._exit(4)")
     assert said in refused(tmp_path, capsys, "race", "--assist", "none", "--laps", "1", "--sensors", given)
 
 

@@ -26,7 +26,7 @@ from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.job import versions
 from fg_mujoco.rollouts.store import WRITABLE, Rows, StudyFolder, blame, claimed
 from fg_mujoco.rollouts.workers import time_left, work_through
-from fg_mujoco.simulation.planner_failure import without_exit
+from fg_mujoco.simulation.planner_failure import kept_folder
 
 from ..runs.run import Run, RunRow
 from .page import write_study_page
@@ -210,7 +210,7 @@ def drive_study(
         return results
 
 
-@without_exit()
+@kept_folder()
 def _drive(run: Run) -> RunRow:
     return run.drive()
 

@@ -28,7 +28,7 @@ from fg_mujoco.racing.planners import make_controller, split_controller
 from fg_mujoco.racing.resolved import Resolved
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup
 from fg_mujoco.simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
-from fg_mujoco.simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
+from fg_mujoco.simulation.planner_failure import PlannerFailure, is_of_planner, kept_folder
 from fg_mujoco.simulation.settings import DriveSettings, Start
 from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.telemetry import TELEMETRY
@@ -148,12 +148,12 @@ class LiveSession:
         self.by_hand = True
         self.hand.press(name, self.simulation.time)
 
-    @without_exit()
+    @kept_folder()
     def obey(self) -> None:
         """Do what was asked for, without driving on."""
         self._obey()
 
-    @without_exit()
+    @kept_folder()
     def tick(self) -> bool:
         """Do what was asked for, and drive on for one tick unless paused; answer whether it did."""
         self._obey()
@@ -250,7 +250,7 @@ class LiveSession:
         points: FloatArray = position + ends @ rotation.T
         return points
 
-    @without_exit()
+    @kept_folder()
     def goal(self) -> FloatArray | None:
         """Return the goal of the planner, (3,) [m] in the world; None: it has none, or does not say."""
         try:
@@ -260,7 +260,7 @@ class LiveSession:
                 raise
             return None  # as `tick` tells: here it would end the view
 
-    @without_exit()
+    @kept_folder()
     def drawings(self) -> list[Sketch]:
         """Return the planner's drawings: its intermediate values, and the markers, paths and poses of nodes."""
         try:
