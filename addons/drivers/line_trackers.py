@@ -101,7 +101,7 @@ def lqr_steering(
       y: of the rear axle [m].
       heading: of the car [rad].
       speed: of the car, from 0 [m/s].
-      car: of type CAR.
+      car: of type CAR_RECORD.
     """
     aside, angle = errors_at(line, nearest, x, y, heading)
     late = LAG + late_by(car)
@@ -122,7 +122,7 @@ def map_steering(
       bearing: of the goal from the rear axle [rad].
       distance: of the goal [m].
       speed: of the car, from 0 [m/s].
-      car: of type CAR.
+      car: of type CAR_RECORD.
       slip: of type SLIP.
     """
     if not slip.needs_slip_angle:

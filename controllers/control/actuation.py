@@ -51,7 +51,7 @@ def read_speedometer(memory: Record, speed: float, car: Record, period: float) -
     Args:
       memory: of type SPEEDOMETER, written to.
       speed: measured [m/s].
-      car: of type CAR.
+      car: of type CAR_RECORD.
       period: since the last command [s].
     """
     asked = (memory.command * (1.0 + memory.error) - memory.speed) / car.speed_time_constant
@@ -75,7 +75,7 @@ def command_speed(
     Args:
       memory: of type SPEEDOMETER, written to.
       speed: by the limiter [m/s].
-      car: of type CAR.
+      car: of type CAR_RECORD.
       max_speed: of the planner [m/s].
       period: until the next command [s].
       left_alone: share of an error that is not corrected.

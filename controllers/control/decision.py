@@ -120,7 +120,7 @@ def guide_reference(  # type: ignore[no-untyped-def]
     log_step(memory.reasons, GUIDED, reference.steering_angle, reference.speed)
     if turning.active and reference.lane_points == 0:
         log_step(memory.reasons, MOVES, turning.steering_angle, turning.speed)
-        extend_path(geometry, odometry, driver, memory)
+        extend_path_history(geometry, odometry, driver, memory)
         least = driver.limiter.settings.least_lateral_use
         command[0], command[1] = apply_limits(
             geometry, odometry, driver, memory, turning.steering_angle, turning.speed, least
@@ -180,7 +180,7 @@ def drive_filtered(  # type: ignore[no-untyped-def]
     predictions = turned(memory.predictions, angle)
     surroundings = ranges_without_movers if len(predictions) > 0 else ranges
     widened = widen_all(surroundings, geometry.angle_increment, table.radius)
-    extend_path(geometry, odometry, driver, memory)
+    extend_path_history(geometry, odometry, driver, memory)
     command[0], command[1] = _drive_filtered(
         geometry, widened, odometry, driver, memory, reference.steering_angle, speed, _in_sight(tick, widened, table),
         predictions, table.radius, reference.lane[: reference.lane_points], reference.bearing, reference.distance,
@@ -435,7 +435,7 @@ def _drive_filtered(
 @kernel
 def _brake(geometry: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
     """Return the command of the hardest stop that the tires hold on the present path; without odometry 0 and 0."""
-    extend_path(geometry, odometry, driver, memory)
+    extend_path_history(geometry, odometry, driver, memory)
     log_step(memory.reasons, NO_REFERENCE, odometry.steering_angle, 0.0)
     least, slip = driver.limiter.settings.least_lateral_use, driver.limiter.slip
     held = held_arc(slip, driver.car, odometry.steering_angle, memory.limiter.curvature)
@@ -443,7 +443,7 @@ def _brake(geometry: Record, odometry: Record, driver: Record, memory: Record) -
 
 
 @kernel
-def extend_path(geometry: Record, odometry: Record, driver: Record, memory: Record) -> None:
+def extend_path_history(geometry: Record, odometry: Record, driver: Record, memory: Record) -> None:
     """Add the motion of the last tick to the path history; to be called once in every tick."""
     if driver.recovery:
         yaw_rate = odometry.angular_velocity[2]

@@ -27,7 +27,7 @@ from ..safety.safety_filter import SafetyFilterSettings
 from .actuation import SPEEDOMETER
 from .assist import names_in
 from .planner_settings import (
-    CAR,
+    CAR_RECORD,
     FROM_ZERO,
     POSITIVE,
     Accepted,
@@ -108,7 +108,7 @@ FLAGS = (
 
 DRIVER = np.dtype(
     [
-        ("car", CAR),
+        ("car", CAR_RECORD),
         ("max_speed", np.float64),  # [m/s]
         *((stage, np.bool_) for stage in FLAGS),  # whether the planner has these stages
         ("late", np.int64),  # ticks by which scans are older than the odometry

@@ -6,7 +6,7 @@
         margin: float = setting_of_car(0.05, "m", "to the side of the car", FROM_ZERO)
         point: Literal["furthest", "middle"] = setting("furthest", text="of the gap")
 
-    PLANNER = np.dtype([("settings", record_type(BubbleSettings)), ("car", CAR), ("max_speed", np.float64)])
+    PLANNER = np.dtype([("settings", record_type(BubbleSettings)), ("car", CAR_RECORD), ("max_speed", np.float64)])
 
 A setting of the car, `setting_of_car`, has the value that was found on the F1TENTH car; its default is None, which
 means that value scaled to the car: lengths in proportion to the wheelbase, speeds in proportion to its square root
@@ -177,5 +177,5 @@ def _words(settings: type) -> dict[str, tuple[str, ...]]:
     return {f.name: get_args(hints[f.name]) for f in fields(settings) if get_origin(hints[f.name]) is Literal}
 
 
-CAR = record_type(CarParameters)
+CAR_RECORD = record_type(CarParameters)
 """Type of a row with the parameters of a car."""

@@ -348,7 +348,7 @@ def held_arc(slip: Record, car: Record, angle: float, curvature: float) -> float
 
     Args:
       slip: of type SLIP.
-      car: of type CAR.
+      car: of type CAR_RECORD.
       angle: of the arc of the wheels [rad].
       curvature: of the path that the car is on [1/m].
     """
@@ -416,7 +416,7 @@ def to_velocity_frame(
 
     Args:
       slip: of type SLIP.
-      car: of type CAR.
+      car: of type CAR_RECORD.
       geometry: of type SCAN_GEOMETRY.
       odometry: of type ODOMETRY; in the frame its speed is that over the ground.
       command: the last speed that the wheels were to have [m/s], in the odometry's measure.

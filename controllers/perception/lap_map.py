@@ -38,7 +38,7 @@ from .scan_geometry import looks_ahead, nearest_beam, period_of, sees
 PLACES = 2048  # at most
 SPACING = 0.25  # [m] of places
 BEAMS = 64  # of a scan that are kept of each place, evenly spread
-FAR = 8.0  # [m] readings from here on are not used
+TOO_FAR = 8.0  # [m] readings from here on are not used
 
 _FIRST, _LAST = 4, 40  # places at which the lap may close
 _LEAST_LAP = 32  # places of a lap
@@ -215,7 +215,7 @@ def _localise(lap: Record, geometry: Record, ranges: FloatArray, lidar_offset: f
 
 @kernel
 def wall_points(lap: Record, index: int, geometry: Record, count: int, lidar_offset: float) -> FloatArray:
-    """Return where the beams kept at a place ended (BEAMS, 2) [m]; NaN for those that ended beyond `FAR`.
+    """Return where the beams kept at a place ended (BEAMS, 2) [m]; NaN for those that ended beyond `TOO_FAR`.
 
     `count` is the number of beams of a scan.
     """
@@ -225,7 +225,7 @@ def wall_points(lap: Record, index: int, geometry: Record, count: int, lidar_off
     ends = np.full((BEAMS, 2), math.nan)
     for beam in range(BEAMS):
         distance = lap.ranges[index, beam]
-        if distance < FAR:
+        if distance < TOO_FAR:
             bearing = heading + geometry.angle_min + geometry.angle_increment * (beam * (count - 1) // (BEAMS - 1))
             ends[beam, 0], ends[beam, 1] = x + distance * math.cos(bearing), y + distance * math.sin(bearing)
     return ends

@@ -257,7 +257,7 @@ def _spread_points(
     """Write where the LiDAR sees the disc over the car's front at points evenly spread over a stop and its margin.
 
     Args:
-      car: of type CAR.
+      car: of type CAR_RECORD.
       settings: fields of BrakingSettings.
       trace: of the rear axle, (steps, 4), see `_stop`.
       bearings: (points,) [rad], written to.

@@ -54,7 +54,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, DriveCommand, FloatArray, Odometry, require
 
 from ..control.planner_settings import (
-    CAR,
+    CAR_RECORD,
     POSITIVE,
     SHARE,
     Record,
@@ -115,7 +115,7 @@ class FrictionLimiterSettings(Settings):
 LIMITER = np.dtype(
     [
         ("settings", record_type(FrictionLimiterSettings)),
-        ("car", CAR),
+        ("car", CAR_RECORD),
         ("mu", np.float64),  # that cornering may use, see 7 above
         ("lateral", np.float64),  # [m/s^2] these six: see FrictionLimiter
         ("braking", np.float64),  # [m/s^2]

@@ -36,14 +36,14 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.actuation import apply_limits_of
-from ..control.decision import extend_path
+from ..control.decision import extend_path_history
 from ..control.planner_settings import Record
 from ..control.reasons import REMEMBERED_LINE, log_step
 from ..control.slip import lock_arc
 from ..control.stages import Stage
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y, next_point
-from ..perception.lap_map import FAR, LAP_MAP, PLACES, beam_directions, see_lap, tell_sides
+from ..perception.lap_map import LAP_MAP, PLACES, TOO_FAR, beam_directions, see_lap, tell_sides
 from ..perception.scan_geometry import nearest_beam, period_of, sees
 from .friction_limiter import LIMITER
 from .lap_trial import HOLDS, TRIAL, TRYING, try_lap
@@ -251,7 +251,7 @@ def _read_room(line: Record, lap: Record, directions: FloatArray, car: Record) -
         turned_cos, turned_sin = normal_x * cos + normal_y * sin, normal_y * cos - normal_x * sin
         for beam in range(len(directions)):
             distance, forward, sideways = lap.ranges[index, beam], directions[beam, 0], directions[beam, 1]
-            if distance < FAR and tail < cross + distance * (turned_sin * forward - turned_cos * sideways) < nose:
+            if distance < TOO_FAR and tail < cross + distance * (turned_sin * forward - turned_cos * sideways) < nose:
                 to_left = along + distance * (turned_cos * forward + turned_sin * sideways)
                 if lap.to_left[index, beam] > 0 and to_left > -_THROUGH:
                     left = min(left, to_left - half)
@@ -415,7 +415,7 @@ def free_on(
         dx, dy = points[k, X] - lap.x, points[k, Y] - lap.y
         ahead, left = cos * dx + sin * dy - car.lidar_offset, cos * dy - sin * dx
         distance = math.hypot(ahead, left)
-        if ahead < 2.0 * reach or distance > FAR:
+        if ahead < 2.0 * reach or distance > TOO_FAR:
             continue
         middle = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left)
         half = reach / (distance * geometry.angle_increment)
@@ -466,7 +466,7 @@ def _remember(  # type: ignore[no-untyped-def]
         return
     see_lap(stage_state.lap, seen, ranges_without_cars, odometry, driver.car.lidar_offset)
     if not tick.decided and _is_on_line(seen, ranges, odometry, driver, memory, stage_state, reference):
-        extend_path(seen, odometry, driver, memory)
+        extend_path_history(seen, odometry, driver, memory)
         speed, limiter = min(reference.speed, reference.limit, driver.max_speed), stage_state.line.limiter
         steering = reference.steering_angle
         command[0], command[1] = apply_limits_of(

@@ -28,7 +28,7 @@ from ..control.planner_settings import Record
 from ..control.slip import arc_angle, drag, steered, velocity_angle
 from ..control.steering import saturate
 from ..control.tracking import HEADING, X, Y, next_point
-from ..perception.lap_map import FAR
+from ..perception.lap_map import TOO_FAR
 from .friction_limiter import LIMITER_MEMORY, limited
 from .line_following import LEAVES, ahead_on, position_on, reference_on
 
@@ -190,7 +190,7 @@ def _touches(trial: Record, lap: Record, directions: FloatArray, car: Record) ->
         x, y, turned_cos, turned_sin = cos * dx + sin * dy, cos * dy - sin * dx, cos * c + sin * s, cos * s - sin * c
         for beam in range(len(directions)):
             distance, forward, left = lap.ranges[place, beam], directions[beam, 0], directions[beam, 1]
-            if distance < FAR and -tail < x + distance * (turned_cos * forward - turned_sin * left) < nose:
+            if distance < TOO_FAR and -tail < x + distance * (turned_cos * forward - turned_sin * left) < nose:
                 aside = y + distance * (turned_sin * forward + turned_cos * left)
                 if abs(aside) < half:
                     return True

@@ -20,9 +20,8 @@ from ..errors import FgMujocoError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..racing.entries import Entry
 from ..racing.planners import import_file
-from ..racing.setup import CAR_KEYWORDS, PARTS, Setup
-from ..registry import PARTS as ADDED
-from ..registry import Registry
+from ..racing.setup import CAR_KEYWORDS, FIELD_OF, Setup
+from ..registry import PARTS, Registry
 from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import Start
 from ..vehicle.changes import CarChanges
@@ -147,7 +146,7 @@ def _names_of(keyword: str) -> Iterable[str]:
         found = _NAMES.find(keyword)
     else:
         try:
-            found = ADDED.find(_NAMES_OF_ADDONS[keyword])
+            found = PARTS.find(_NAMES_OF_ADDONS[keyword])
         except FgMujocoError:
             return ()
     names: Iterable[str] = found() if callable(found) else found
@@ -167,7 +166,7 @@ def _fields() -> dict[str, Field[Any]]:
     found: dict[str, Field[Any]] = {}
     for field in (*fields(Setup), *fields(Entry)):
         found.setdefault(field.name, field)
-    for keyword, (part, name) in PARTS.items():
+    for keyword, (part, name) in FIELD_OF.items():
         found[keyword] = next(field for field in fields(_KINDS[part]) if field.name == name)
     return {name: field for name, field in found.items() if "help" in field.metadata}
 

@@ -23,7 +23,7 @@ from ..messages import require, require_whole
 from ..racing.entries import GRIDS, Entry
 from ..racing.randomization import Randomization
 from ..racing.resolved import Ground
-from ..racing.setup import OF_A_CAR, OF_A_COURSE, PARTS, Setup
+from ..racing.setup import FIELD_OF, OF_A_CAR, OF_A_COURSE, Setup
 from ..simulation.cars import WorldCar
 from ..simulation.engine import Engine
 from ..simulation.settings import PLANNER_OPTIONS, CarSettings, Start, known_settings
@@ -144,14 +144,14 @@ class EnvironmentSettings(CarSettings):
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> Self:
-        """Return settings by their names: those of this class; `setup`, a Setup; and the PARTS of one, as `mass`.
+        """Return settings by their names: those of this class; `setup`, a Setup; and the FIELD_OF of one, as `mass`.
 
         Raises:
           SettingsError: an unknown name; the message has the nearest known one. A setting of a Setup that an
             environment cannot use: of the planner, whose place the policy takes, or of a whole race.
         """
         own = dict(description)
-        setup, of_setup = own.pop("setup", None), {name: own.pop(name) for name in PARTS if name in own}
+        setup, of_setup = own.pop("setup", None), {name: own.pop(name) for name in FIELD_OF if name in own}
         if setup is None and not of_setup:
             return cls(**known_settings(own, cls, "an environment"))
         of_setup |= {name: own.pop(name) for name in ("changes", "effects", "start") if _is_part(own.get(name))}

@@ -45,7 +45,7 @@ from ..vehicle.friction_patches import Patch
 from .entries import Entry, require_entries, require_grid
 from .rules import find_rules
 
-PARTS = {
+FIELD_OF = {
     "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
     "lidar_effects": ("effects", "measured"), "lidar_latency": ("effects", "latency"),
     "motion_distortion": ("effects", "motion_distortion"),
@@ -330,7 +330,7 @@ OF_A_COURSE = ("track", "obstacles", "obstacle_seed", "moving", "patches")
 
 _OF_RACE = tuple(f.name for f in fields(Setup))
 _OF_CAR = tuple(f.name for f in fields(Entry) if f.name not in _OF_RACE)
-CAR_KEYWORDS = (*_OF_CAR, *PARTS)
+CAR_KEYWORDS = (*_OF_CAR, *FIELD_OF)
 """Names of the keywords that are a car's."""
 
 SETUP_KEYWORDS = (*_OF_RACE, *CAR_KEYWORDS, "opponents")
@@ -408,12 +408,12 @@ def _changed_entry(entry: Entry, keywords: Mapping[str, Any]) -> Entry:
     """Return an entry with other values; None of a part of it is that part as it is without settings."""
     if isinstance(keywords.get("lidar_effects"), LidarEffects) and "effects" not in keywords:  # all of them
         keywords = {"effects" if name == "lidar_effects" else name: value for name, value in keywords.items()}
-    own = {name: value for name, value in keywords.items() if name not in PARTS}
+    own = {name: value for name, value in keywords.items() if name not in FIELD_OF}
     for name in ("changes", "effects", "planner_settings"):
         if name in own and own[name] is None:
             own[name] = _KINDS.get(name, dict)()
     for part, kind in _KINDS.items():
-        inside = {name: PARTS[name][1] for name in keywords if name in PARTS and PARTS[name][0] == part}
+        inside = {name: FIELD_OF[name][1] for name in keywords if name in FIELD_OF and FIELD_OF[name][0] == part}
         if inside and own.get(part) is not None:
             both = f"{next(iter(inside))} and {part}"
             raise SettingsError(f"{both} are given; accepted: one of them")

@@ -87,14 +87,14 @@ _NUMERICS = (
     "motor_inertia", "drag_brake", "drag", "motor", "battery", "power_limit_speed", "steering_map", "acceleration_map"
 )  # fmt: skip
 
-PARTS = tuple(_parts())
+NEEDED = tuple(_parts())
 """All that the MJCF of a vehicle must name; docs/howto/own_car.md shows it."""
 
 
 def check_names(spec: Any, where: str) -> None:
-    """Refuse a spec without some of PARTS, or with some of another type; ModelError: naming all of them."""
+    """Refuse a spec without some of NEEDED, or with some of another type; ModelError: naming all of them."""
     faults: list[tuple[str, str]] = []
-    for part in PARTS:
+    for part in NEEDED:
         element = getattr(spec, part.kind)(part.name)
         if element is None:
             names = [other.name for other in getattr(spec, _PLURALS.get(part.kind, f"{part.kind}s")) if other.name]
@@ -104,8 +104,8 @@ def check_names(spec: Any, where: str) -> None:
         elif part.type is not None and element.type != part.type:
             is_, should = (_type_name(kind) for kind in (element.type, part.type))
             faults.append((f"{part.kind} {part.name!r} is a {is_}", f"a {should}, {part.what}"))
-    if len(faults) > len(PARTS) // 2:
-        raise ModelError(f"{where}: {_something_else(len(PARTS) - len(faults))}")
+    if len(faults) > len(NEEDED) // 2:
+        raise ModelError(f"{where}: {_something_else(len(NEEDED) - len(faults))}")
     if faults:
         told = ", ".join(fault for fault, _ in faults)
         accepted = "; ".join(what for _, what in faults) if len(faults) <= _FEW else OWN_CAR
@@ -113,21 +113,21 @@ def check_names(spec: Any, where: str) -> None:
 
 
 def hint_at_another(text: str) -> str:
-    """Return that an MJCF text is that of something else, if it has few of the names of PARTS; else nothing."""
-    known = sum(f'"{part.name}"' in text for part in PARTS)
-    return f"; {_something_else(known)}" if "<mujoco" in text and known <= len(PARTS) // 2 else ""
+    """Return that an MJCF text is that of something else, if it has few of the names of NEEDED; else nothing."""
+    known = sum(f'"{part.name}"' in text for part in NEEDED)
+    return f"; {_something_else(known)}" if "<mujoco" in text and known <= len(NEEDED) // 2 else ""
 
 
 def _something_else(known: int) -> str:
-    """Say of an MJCF with few of the names of PARTS what it is."""
-    return f"is the MJCF of something else: it has {known} of the {len(PARTS)} names of a vehicle; accepted: {OWN_CAR}"
+    """Say of an MJCF with few of the names of NEEDED what it is."""
+    return f"is the MJCF of something else: it has {known} of the {len(NEEDED)} names of a vehicle; accepted: {OWN_CAR}"
 
 
 _PLURALS = {"body": "bodies"}
 
 
 def _is_part(kind: str, name: str) -> bool:
-    return any(part.kind == kind and part.name == name for part in PARTS)
+    return any(part.kind == kind and part.name == name for part in NEEDED)
 
 
 def _type_name(kind: Any) -> str:

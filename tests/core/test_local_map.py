@@ -11,8 +11,7 @@ import pytest
 
 from cases import each
 from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, cell, lines, middles, seen_from
-from fg_mujoco.controllers.control.planner_settings import CAR as CAR_RECORD
-from fg_mujoco.controllers.control.planner_settings import record_values
+from fg_mujoco.controllers.control.planner_settings import CAR_RECORD, record_values
 from fg_mujoco.controllers.perception.local_map import (
     ALONG,
     CELL,

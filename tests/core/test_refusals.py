@@ -44,7 +44,7 @@ from fg_mujoco.pictures.rendering.cameras import find_camera
 from fg_mujoco.pictures.rendering.overlays import find_overlays
 from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.racing.randomization import Randomization
-from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup
+from fg_mujoco.racing.setup import FIELD_OF, SETUP_KEYWORDS, Setup
 from fg_mujoco.simulation.settings import Scenario, Start
 from fg_mujoco.vehicle.sensors import SENSORS
 from fg_mujoco.vehicle.sensors.sensor import Sensor
@@ -52,7 +52,7 @@ from fg_mujoco.vehicle.tires import Brush, Coulomb, Linear, MagicFormula, tire_n
 from refusals import refused
 from scan_worlds import CAR, MU
 
-NAMES = {name: field for name, (_, field) in PARTS.items()} | {
+NAMES = {name: field for name, (_, field) in FIELD_OF.items()} | {
     "lidar_effects": "LidarEffects", "entries": "entr", "start": "Start.", "opponents": "opponent", "rewards": "eward",
     "end_conditions": "end condition", "planner_settings": "setting", "observation": "Part.",
     "mus": "mu is", "planner_mus": "planner_mu is", "steerings": "steering is",

@@ -18,7 +18,7 @@ from fg_mujoco.cli.options import setup_of
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.randomization import PARAMETERS
-from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup, SetupKeywords
+from fg_mujoco.racing.setup import FIELD_OF, SETUP_KEYWORDS, Setup, SetupKeywords
 
 VALUES = {
     "track": "random:3", "laps": 2, "time_limit": 4.5, "obstacles": 3, "obstacle_seed": 7, "lidar": "rangefinder",
@@ -38,14 +38,14 @@ AMONG = {"opponents": ["pure_pursuit", fg.Entry(controller="wall_follow", max_sp
 
 
 def test_the_keywords_are_the_fields_and_the_parts_of_a_car():
-    own = {f.name for f in fields(Setup)} | {f.name for f in fields(Entry)} | {"opponents"} | set(PARTS)
+    own = {f.name for f in fields(Setup)} | {f.name for f in fields(Entry)} | {"opponents"} | set(FIELD_OF)
     assert set(SETUP_KEYWORDS) == own
     assert set(SetupKeywords.__annotations__) | {"track", "controller"} == own
 
 
 def test_a_rollout_draws_by_the_same_names():
-    assert {name for name in PARAMETERS if name in PARTS} == set(PARTS) - {"motion_distortion", "lidar_effects"}
-    for name, (part, field) in PARTS.items():
+    assert {name for name in PARAMETERS if name in FIELD_OF} == set(FIELD_OF) - {"motion_distortion", "lidar_effects"}
+    for name, (part, field) in FIELD_OF.items():
         if name in PARAMETERS:
             owner, own = PARAMETERS[name]
             assert (type(getattr(Setup.of(**{name: 0.01}).first, part)), field) == (owner, own)

@@ -8,13 +8,13 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.control.actuation import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
-from fg_mujoco.controllers.control.planner_settings import CAR, record_values
+from fg_mujoco.controllers.control.planner_settings import CAR_RECORD, record_values
 from fg_mujoco.controllers.control.slip import drag
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 PARAMETERS = Vehicle.load().parameters
-ROW = np.array([record_values(PARAMETERS)], CAR)[0]
+ROW = np.array([record_values(PARAMETERS)], CAR_RECORD)[0]
 PERIOD, TOP = 0.025, 12.0
 SHARE = 1.0 - math.exp(-PERIOD / PARAMETERS.speed_time_constant)
 
