@@ -24,14 +24,14 @@ from types import MethodType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 from . import interpreted
-from .kernel_files import cache_folder, own_folder, package_files, read_kept
+from .kernel_files import cache_folder, package_files, read_kept
 from .kernel_keys import kernel_file
 from .machine_code import INLINED, LOADING, Kind, each_kind, kind_of, kinds, machine, omitted, text_of
 
 if TYPE_CHECKING:
     from .compiling import Dispatcher
 
-__all__ = ["CompileTime", "cache_folder", "call_at", "inlined", "kernel", "own_folder", "package_files"]
+__all__ = ["CompileTime", "cache_folder", "call_at", "inlined", "kernel", "package_files"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
