@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import math
 import os
 import stat
 import sys
-import zipfile
 from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
 from pathlib import Path
@@ -29,13 +27,8 @@ else:
 MOST_BYTES = 64 * 2**20
 """Of a file that is read whole as text."""
 
-_LONGEST_LIST = 2**16  # bytes
-_ZIP_ENDS = 42  # bytes: a locator, which only the large archives have that are refused, and the end record
-
-
 LONGEST_NAME = 8192
 """Of a track or a controller with its settings [characters]: a path has 4096 at most."""
-
 
 PICTURES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp")
 """Suffixes of pictures."""
@@ -167,37 +160,15 @@ def read_arrays(path: str | Path, names: Sequence[str], most: int) -> dict[str, 
 
     Raises:
       OSError: as `require_regular`.
-      ValueError, zipfile.BadZipFile: no such file, other arrays, or more than `most` bytes.
+      ValueError, EOFError, zipfile.BadZipFile: no such file, other arrays, or more than `most` bytes.
     """
     require_regular(path)
-    with open(path, "rb") as file:  # what ends a ZIP file says how long the list of its members is
-        file.seek(max(os.fstat(file.fileno()).st_size - _ZIP_ENDS, 0))
-        end = file.read()
-    if len(end) < _ZIP_ENDS or end[:4] == b"PK\6\7" or end[20:24] != b"PK\5\6":
-        raise zipfile.BadZipFile("no end of a ZIP file")
-    if int.from_bytes(end[32:36], "little") > _LONGEST_LIST:
-        raise ValueError(f"the list of its members has more than {_LONGEST_LIST} bytes")
-    with zipfile.ZipFile(path) as archive:
-        members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}
-        if set(members) != set(names) or len(archive.infolist()) != len(names):
+    with np.load(path, allow_pickle=False) as file:
+        if set(file.files) != set(names):
             raise ValueError(f"it has not the arrays {', '.join(names)} and no others")
-        if sum(member.file_size for member in members.values()) > most:
+        if sum(member.file_size for member in file.zip.infolist()) > most:
             raise ValueError(f"its arrays have more than {most} bytes")
-        return {name: _read_array(archive, members[name]) for name in names}
-
-
-def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
-    """Return an array of an archive, whose header has to agree with the size of the member."""
-    with archive.open(member) as file:
-        if np.lib.format.read_magic(file) != (1, 0):
-            raise ValueError(f"{member.filename} is of another version of the format than 1.0")
-        shape, fortran_order, dtype = np.lib.format.read_array_header_1_0(file)
-        values = member.file_size - file.tell()
-        size = math.prod(shape) * dtype.itemsize
-        if dtype.hasobject or not dtype.itemsize or min(shape, default=0) < 0 or size != values:
-            raise ValueError(f"{member.filename} has {values} bytes of an array {shape} of {dtype}"[:200])
-        content = np.frombuffer(file.read(size), dtype)
-        return content.reshape(shape, order="F" if fortran_order else "C")
+        return {name: file[name] for name in names}
 
 
 def parse_toml(text: str) -> dict[str, Any]:

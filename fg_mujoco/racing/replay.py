@@ -30,7 +30,7 @@ from ..messages import CarParameters, FloatArray
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import plan
-from ..simulation.planner_failure import one_line
+from ..simulation.planner_failure import kept_folder, one_line
 from ..simulation.telemetry import COMMAND, TELEMETRY, recorded_command
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World, shows
@@ -162,6 +162,7 @@ def _other_versions(run: Run) -> str:
     return f"; other versions: {', '.join(others)}" if others else ""
 
 
+@kept_folder()
 def decisions_again(folder: str | Path, controller: str) -> str:
     """Return a line that says whether a planner answers the recorded commands of car 0 again, and if not tried, why.
 

@@ -58,7 +58,6 @@ SCHEMA = 1
 _MOST_SUMMARY = 2**20  # bytes
 _MOST_TELEMETRY = 512 * 2**20  # bytes, of about ten hours
 _MOST_STATES = 2 * 2**30  # bytes, uncompressed
-_MOST_OF_A_STATE = 20_000  # numbers; those of the rangefinders are 4482
 _MOST_OF_A_ROW = 2000  # bytes
 _MOST_FAILED_SCAN = 2**20  # bytes
 _LATEST = 1e9  # [s]
@@ -355,8 +354,7 @@ def _read_telemetry(path: Path) -> FloatArray:
 def _read_states(path: Path, ticks: int, cars: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return time, states and ctrl of as many ticks as the telemetry has rows, of so many cars."""
     names = ("time", "state", "ctrl")
-    most = min((ticks + 1) * 8 * (_MOST_OF_A_STATE + 3) * cars + 3 * 128, _MOST_STATES)
-    time, states, ctrl = arrays = tuple(read_arrays(path, names, most).values())
+    time, states, ctrl = arrays = tuple(read_arrays(path, names, _MOST_STATES).values())
     if any(values.dtype != np.float64 for values in arrays):
         raise ValueError(f"numbers of {', '.join(str(values.dtype) for values in arrays)}; accepted: float64")
     if time.shape != (ticks + 1,) or ctrl.shape != (ticks, 2 * cars) or states.ndim != 2 or len(states) != ticks + 1:

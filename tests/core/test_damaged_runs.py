@@ -112,7 +112,7 @@ DAMAGED = {
     ("states.npz", "columns"): (lambda h: states(h, ctrl=np.zeros((12, 3))), r"\(12, 3\)"),
     ("states.npz", "no state"): (lambda h: states(h, state=None), "it has not the arrays time, state, ctrl"),
     ("states.npz", "one more"): (lambda h: states(h, more=np.zeros(1)), "and no others"),
-    ("states.npz", "empty"): (lambda h: (h / "run/states.npz").write_bytes(b""), "no end of a ZIP"),
+    ("states.npz", "empty"): (lambda h: (h / "run/states.npz").write_bytes(b""), "EOFError"),
     ("states.npz", "time stands"): (lambda h: states(h, time=np.zeros(13)), "time does not grow"),
     ("telemetry.csv", "columns"): (text_of("telemetry.csv", lambda text: text[5:]), "columns "),
     ("telemetry.csv", "torn"): (text_of("telemetry.csv", lambda text: text[:-5]), "line 13 is torn"),

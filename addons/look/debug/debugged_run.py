@@ -15,6 +15,7 @@ from fg_mujoco.pictures.rendering.recorded_drive import Drive, read_drive
 from fg_mujoco.racing.resimulation import load_world, recorded_planner, resimulate
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.run_folder import FAILED_SCAN, Run, read_failed_scan, read_run
+from fg_mujoco.simulation.planner_failure import kept_folder
 from fg_mujoco.simulation.world import World
 
 from ..report.map_shapes import map_shapes
@@ -40,6 +41,7 @@ class DebuggedRun(Window):
         return debug_page(self, Path(path))
 
 
+@kept_folder()
 def debug(
     source: RaceResult | Run | str | Path,
     *,
