@@ -16,7 +16,7 @@ from cases import each
 from fg_mujoco.addons.realcar.fitting import fit
 from fg_mujoco.vehicle.bodywork import add_hull
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.contract import PARTS, ackermann_angle
+from fg_mujoco.vehicle.contract import NEEDED, ackermann_angle
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter, slides_above
 from fg_mujoco.vehicle.tires import DEFAULT_TIRES, Tires, tire_names
@@ -34,7 +34,7 @@ def alone(name):
 @every_vehicle
 def test_it_has_every_part_once(name):
     spec = load(name).spec()
-    for part in PARTS:
+    for part in NEEDED:
         assert getattr(spec, part.kind)(part.name) is not None, part
 
 
@@ -49,7 +49,7 @@ def test_the_documentation_lists_the_parts_and_the_bundled_vehicles():
     numbers = ("steering_map", "acceleration_map", "drag", "drag_brake", "motor_inertia", "motor", "battery")
     optional |= {("numeric", name) for name in numbers} | {("sensor", "drive_force"), ("site", "imu")}
     optional |= {("text", name) for name in ("centre", "front_axle", "rear_axle")}
-    assert listed - optional == {(part.kind, part.name) for part in PARTS}
+    assert listed - optional == {(part.kind, part.name) for part in NEEDED}
     bundled = re.findall(r"^\| `(\w+)` \| .* kg, ", page.read_text("utf-8"), re.MULTILINE)
     assert sorted(bundled) == sorted(fg.vehicle_names())
 

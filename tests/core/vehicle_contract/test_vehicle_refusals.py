@@ -10,7 +10,7 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.simulation.cars import WorldCar
-from fg_mujoco.vehicle.contract import PARTS
+from fg_mujoco.vehicle.contract import NEEDED
 from vehicle_worlds import F1TENTH, made_file
 
 
@@ -121,7 +121,7 @@ def test_beams_see_a_part_of_another_car_where_pictures_draw_it(tmp_path, own, m
 KINDS = {"numeric": "numeric", "tendon": "fixed", "pair": "pair"}
 
 
-@each("part", PARTS, ids=lambda part: f"{part.kind} {part.name}")
+@each("part", NEEDED, ids=lambda part: f"{part.kind} {part.name}")
 def test_a_part_that_is_missing_is_named(tmp_path, part):
     """By another name, it is not there: everything that refers to it takes the new one."""
     spec = fg.Vehicle.load().spec()
