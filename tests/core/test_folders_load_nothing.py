@@ -136,17 +136,3 @@ def test_trust_is_refused_with_what_serves_instead(command, capsys):
     with pytest.raises(SystemExit) as ended:
         main([command, "run", "--trust"])
     assert ended.value.code == 2 and "instead: --controller FILE" in capsys.readouterr().err
-
-
-def test_reports_of_a_comparison_drive_no_planner_that_nobody_names(foreign, monkeypatch, capsys, tmp_path):
-    pytest.importorskip("bokeh")
-    monkeypatch.chdir(foreign)
-    controller, out = "controller.py:Slow", str(tmp_path / "out")
-    fg.compare(
-        [controller], out=out, track="scene:narrow_gap_150", seed=0, workers=1, time_limit=0.25, pictures=False
-    )
-    (tmp_path / "marker").unlink()
-    assert main(["report", out]) == 0 and not imported(foreign)
-    said = f"accepted: --controller {controller}"
-    assert said in capsys.readouterr().err and said in (tmp_path / "out/report/index.html").read_text("utf-8")
-    assert main(["report", out, "--controller", controller]) == 0 and imported(foreign)
