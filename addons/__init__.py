@@ -10,8 +10,9 @@
     formats   courses, lines and cars in the files that teams have
     drivers   planners that follow a line of a map or overtake; racelines
 
-The tables below name what each provides, as "addon.module:attribute"; `fg_mujoco.registry.added` reads them. Nothing is
-imported before it is used. An add-on imports the core, and from other add-ons only what pyproject.toml lists.
+The tables below name what users name, as "addon.module:attribute"; `fg_mujoco.registry.added` reads them. What the core
+itself asks for is in `fg_mujoco.from_addons`. Nothing is imported before it is used. An add-on imports the core, and
+from other add-ons only those that pyproject.toml has below it.
 """
 
 COMMANDS = {
@@ -72,31 +73,3 @@ SCHEMES = {
     "ros": "ros.node_host.ros_planner:NODES",
 }
 """What stands before a colon in the text of a planner -> what loads such planners."""
-
-PARTS = {
-    "between boundaries": "formats.boundaries:between_boundaries",
-    "bag drive": "realcar.bag_drive:read_bag_drive",
-    "car of files": "formats.cars:load_car",
-    "dataset": "learn.dataset:Dataset",
-    "drive on ray": "learn.ray_cluster:drive_on_ray",
-    "driven line": "look.notebook:driven_line",
-    "fastest lap": "drivers.racelines.raceline:make_raceline",
-    "floor": "realcar.floors:Floor",
-    "floor names": "realcar.floors:floor_names",
-    "line table": "formats.tables:line_table",
-    "lidar effects": "realcar.measured_errors:effect_names",
-    "measured errors": "realcar.measured_errors:MeasuredErrors",
-    "notebook": "look.notebook:notebook_html",
-    "race control": "arena.race_control.race_control:RaceControl",
-    "raceline": "drivers.line_optimizer:raceline",
-    "random circuits": "arena.random_courses.generator:generate_track",
-    "report": "look.commands:report_race",
-    "require ray": "learn.ray_cluster:require_ray",
-    "residual": "learn.residual:Residual",
-    "room on map": "drivers.line_optimizer:room_on_map",
-    "show in notebook": "look.notebook:show",
-    "standings": "arena.race_control.standings:standings",
-    "tight circuits": "arena.tight_courses.tight:generate_tight_track",
-    "with moving": "arena.random_courses.moving:with_moving",
-}
-"""Parts that the core uses where somebody asks for them."""

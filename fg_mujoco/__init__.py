@@ -219,7 +219,8 @@ _PLACES = {
 
 _HOMES = {name: f"fg_mujoco.{module}:{name}" for module, names in _PLACES.items() for name in names.split()}
 _HOMES |= _added("NAMES")
-_MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"addons", "compiled", "controllers", "models"}
+_MODULES = frozenset(module.partition(".")[0] for module in (*_PLACES, "addons", "compiled", "controllers", "models"))
+_MODULES |= {"from_addons"}
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
     "AckermannDrive": "DriveCommand", "Command": "DriveCommand",

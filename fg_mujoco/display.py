@@ -14,15 +14,15 @@ Pictures are drawn by the add-on look. `html` and `element` escape all text that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from html import escape
 from pathlib import Path
 from typing import Any
 
+from . import from_addons
 from .arguments import Suggesting
 from .errors import FgMujocoError
-from .registry import PARTS
 
 LONGEST = 300
 """Characters of a repr."""
@@ -106,7 +106,7 @@ class Shown(Suggesting):
     def _repr_html_(self) -> str | None:
         """Return the picture; None, which a notebook shows as the repr: the add-on look cannot be imported."""
         try:
-            draw: Callable[[Shown], str] = PARTS.find("notebook")
+            draw = from_addons.notebook_html
         except FgMujocoError:
             return None
         return draw(self)
@@ -125,4 +125,4 @@ class Shown(Suggesting):
           SettingsError: a path that does not end in .html.
           OSError: the file cannot be written.
         """
-        PARTS.find("show in notebook")(self, path)
+        from_addons.show(self, path)

@@ -4,7 +4,7 @@
     SCENES["dead_end"] = "fg_mujoco.addons.arena.scenes.corners:dead_end"
     make = SCENES.find("dead_end")
 
-The core imports no add-on. `addons/__init__.py` has a table of what add-ons provide, as texts, and `added` reads it, so
+The core imports no add-on. `addons/__init__.py` has tables of what users name, as texts, and `added` reads them, so
 that an add-on is imported when something of it is used. Other packages register theirs as entry points of the group:
 
     [project.entry-points."fg_mujoco.scenes"]
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from .errors import FgMujocoError, accepted_names
@@ -36,6 +37,24 @@ def added(kind: str) -> dict[str, str]:
             raise
         return {}
     return {name: f"{ADDONS}.{place}" for name, place in getattr(table, kind).items()}
+
+
+def imported(place: str, what: str, error: type[FgMujocoError] = FgMujocoError) -> Any:
+    """Return what "module:attribute" names; `what` and `error` are for the message if its add-on cannot be imported."""
+    module, _, attribute = place.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except FgMujocoError:
+        raise
+    except Exception as cause:
+        if not module.startswith(f"{ADDONS}."):
+            raise
+        if find_spec(ADDONS) is None:
+            said = "and no add-ons are installed; accepted: an installation with them"
+            raise error(f"{what} is of an add-on, {said}") from cause
+        said = " ".join(f"{type(cause).__name__}: {cause}".split())
+        addon = module.removeprefix(f"{ADDONS}.").partition(".")[0]
+        raise error(f"{what} is of the add-on {addon}, which cannot be imported: {said}") from cause
 
 
 class Registry(Generic[T]):
@@ -99,34 +118,19 @@ class Registry(Generic[T]):
         if name in self._own:
             thing = self._own[name]
             if isinstance(thing, str):
-                self._own[name] = thing = self._imported(name, thing)
+                found: T = imported(thing, f"{self.kind} {name!r}", self.error)
+                self._own[name] = thing = found
             return thing
         point = self.entry_point(name, others)
         origin = f"{self.kind} {name!r} of {package_of(point)}, {point.value}"
         try:
-            found: T = point.load()
+            loaded: T = point.load()
         except Exception as error:
             said = " ".join(f"{type(error).__name__}: {error}".split())
             raise self.error(f"{origin}: {said}") from error
-        if not isinstance(found, self._class):
-            raise self.error(f"{origin} is a {type(found).__name__}; accepted: a {self._class.__name__}")
-        return found
-
-    def _imported(self, name: str, place: str) -> T:
-        """Return what "module:attribute" names."""
-        module, _, attribute = place.partition(":")
-        try:
-            found: T = getattr(import_module(module), attribute)
-        except FgMujocoError:
-            raise
-        except Exception as error:
-            if not module.startswith(f"{ADDONS}."):
-                raise
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            addon = module.removeprefix(f"{ADDONS}.").partition(".")[0]
-            origin = f"{self.kind} {name!r} is of the add-on {addon}"
-            raise self.error(f"{origin}, which cannot be imported: {said}") from error
-        return found
+        if not isinstance(loaded, self._class):
+            raise self.error(f"{origin} is a {type(loaded).__name__}; accepted: a {self._class.__name__}")
+        return loaded
 
     def entry_point(self, name: str, others: str = "") -> EntryPoint:
         """Return the entry point by which another package registers a name; arguments and errors as those of `find`."""
@@ -145,15 +149,3 @@ class Registry(Generic[T]):
 def package_of(point: EntryPoint) -> str:
     """Return the name and the version of the package that registers an entry point; of an unnamed one its text."""
     return point.value if point.dist is None else f"{point.dist.name} {point.dist.version}"
-
-
-class _Parts(Registry[Any]):
-    """Parts of add-ons, which nobody names but the core itself."""
-
-    def entry_point(self, name: str, others: str = "") -> EntryPoint:
-        """Refuse a part: its add-on is not installed, and other packages register none."""
-        raise self.error(f"{name!r} is of an add-on, and no add-ons are installed; accepted: an installation with them")
-
-
-PARTS = _Parts("part", FgMujocoError, own=added("PARTS"))
-"""What add-ons provide and rooms of the core use where somebody asks for it, such as a residual policy's planner."""

@@ -54,7 +54,6 @@ from fg_mujoco.course.line_file import require_closed
 from fg_mujoco.course.polyline import is_inside, step_lengths
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
-from fg_mujoco.registry import PARTS
 
 from .line_profile import (
     LEFT,
@@ -243,7 +242,9 @@ class PurePursuit(Planner):
             settings = replace(settings, tracker="lqr" if settings.line == "raceline" else "pure_pursuit")
         points, speeds = map_line.points, np.full(len(map_line.points), math.inf)
         if settings.line == "raceline":
-            points = PARTS.find("raceline")(map_line, car, mu, max_speed, for_car(settings, car))
+            from .line_optimizer import raceline  # takes a while
+
+            points = raceline(map_line, car, mu, max_speed, for_car(settings, car))
             speeds = np.full(len(points), math.inf)
         elif settings.line != "centreline":
             points, speeds = read_line(settings.line)
@@ -355,6 +356,8 @@ def _table(
         braking_use=settings.braking_use,
     )
     if walled is not None:
-        table[:, [RIGHT, LEFT]] = PARTS.find("room on map")(table, walled, car, settings.margin)
+        from .line_optimizer import room_on_map
+
+        table[:, [RIGHT, LEFT]] = room_on_map(table, walled, car, settings.margin)
     table.flags.writeable = False
     return table

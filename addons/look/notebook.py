@@ -144,9 +144,8 @@ def _race_html(result: RaceResult) -> str:
     ends = (("crashed here", car.crash), ("turned here", car.wrong_way), ("rolled over here", car.rollover))
     marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
     line = np.column_stack((car.column("x_m"), car.column("y_m")))
-    picture = driven_line(
-        result.world, line, car.column("speed_m_s"), time=result.sim_time_s, marks=marks, title=repr(result)
-    )
+    place, speed = (result.world.track, result.world.obstacles), car.column("speed_m_s")
+    picture = driven_line(*place, line, speed, time=result.sim_time_s, marks=marks, title=repr(result))
     return table((), rows) + picture
 
 
@@ -236,7 +235,8 @@ def _course_html(course: Course) -> str:
 
 
 def driven_line(
-    world: World,
+    course: Course,
+    obstacles: Sequence[Obstacle],
     line: FloatArray,
     speed: FloatArray,
     *,
@@ -247,14 +247,15 @@ def driven_line(
     """Return the picture of a drive as SVG.
 
     Args:
-      world: that was driven in.
+      course: that was driven.
+      obstacles: that stood there.
       line: where the car was at the start of each tick (ticks, 2) [m]; of a longer drive the last 8000 ticks are drawn.
       speed: of the car then, (ticks,) [m/s].
       time: at which moving obstacles are drawn [s].
       marks: a text, and the place that it is written at [m].
       title: for screen readers.
     """
-    drawing = plan(world.track, obstacles=world.obstacles, moving=world.moving, time=time, line=False, around=line)
+    drawing = plan(course, obstacles=obstacles, time=time, line=False, around=line)
     line, speed = line[-_MOST_TICKS:], speed[-_MOST_TICKS:]
     speed = np.where(np.isfinite(speed), speed, 0.0)
     fastest = max(float(speed.max(initial=0.0)), 1.0)

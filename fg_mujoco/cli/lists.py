@@ -9,11 +9,11 @@ import sys
 from dataclasses import fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from .. import from_addons
 from ..controllers import BASELINES
 from ..errors import SettingsError
 from ..racing.planner_origin import distribution
 from ..racing.planners import controller_names, find_controller
-from ..registry import PARTS
 from ..vehicle.tires import Tires, tire_names
 from ..vehicle.vehicle import Vehicle, vehicle_names
 from .command import command, option
@@ -128,7 +128,7 @@ def vehicles_command(options: argparse.Namespace) -> int:
 def _floors(options: argparse.Namespace) -> int:
     if options.names:
         raise SettingsError(f"floors of {options.names[0]!r}; accepted: --floors alone")
-    floors = [PARTS.find("floor").load(name) for name in PARTS.find("floor names")()]
+    floors = [from_addons.Floor.load(name) for name in from_addons.floor_names()]
     tires = {name: Tires.load(name).floor or "none: the vehicle's friction, or a floor's" for name in tire_names()}
     if options.json:
         print(json.dumps({"floors": [floor.described() for floor in floors], "tires": tires}, indent=2))

@@ -16,12 +16,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from .. import from_addons
 from ..errors import FgMujocoError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..racing.entries import Entry
 from ..racing.planners import import_file
 from ..racing.setup import CAR_KEYWORDS, FIELD_OF, Setup
-from ..registry import PARTS, Registry
+from ..registry import Registry
 from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import Start
 from ..vehicle.changes import CarChanges
@@ -137,18 +138,19 @@ _NAMES: Registry[Any] = Registry("names", SettingsError, own={
         "grid": "racing.entries:GRIDS", "rules": "racing.rules:RULES",
     }.items()
 })  # fmt: skip
-_NAMES_OF_ADDONS = {"floor": "floor names", "lidar_effects": "lidar effects"}  # keyword -> the part that returns them
+_NAMES_OF_ADDONS: dict[str, Callable[[], tuple[str, ...]]] = {
+    "floor": lambda: from_addons.floor_names(), "lidar_effects": lambda: from_addons.effect_names(),
+}  # fmt: skip
 
 
 def _names_of(keyword: str) -> Iterable[str]:
     """Return the names that a setting takes; none where they are of an add-on that cannot be imported."""
-    if keyword not in _NAMES_OF_ADDONS:
-        found = _NAMES.find(keyword)
-    else:
+    if keyword in _NAMES_OF_ADDONS:
         try:
-            found = PARTS.find(_NAMES_OF_ADDONS[keyword])
+            return _NAMES_OF_ADDONS[keyword]()
         except FgMujocoError:
             return ()
+    found = _NAMES.find(keyword)
     names: Iterable[str] = found() if callable(found) else found
     return names
 

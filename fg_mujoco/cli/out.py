@@ -18,12 +18,12 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from .. import from_addons
 from ..course.course import Course
 from ..course.files import is_file, is_folder, noting_files, read_text
 from ..course.writing import claimed_folder, require_writable, writing
 from ..errors import FgMujocoError, RunFolderError, SettingsError
 from ..racing.run_folder import SUMMARY, read_summary
-from ..registry import PARTS
 from .command import OUTPUT, Part, option
 
 PAGE = "report.html"
@@ -56,11 +56,9 @@ def out_options(kind: str, text: str, *, required: bool = False) -> Part:
 
 
 def write_page(folder: str | Path) -> None:
-    """Write the page of a run into its folder, where there is an add-on for it; say so if it cannot be imported."""
-    if "report" not in PARTS:
-        return
+    """Write the page of a run into its folder; say so if its add-on cannot be imported."""
     try:
-        write = PARTS.find("report")
+        write = from_addons.report_race
     except FgMujocoError as error:
         print(f"fg-mujoco: {PAGE} is left out; {error}", file=sys.stderr)
         return

@@ -26,9 +26,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .. import from_addons
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import FloatArray
-from ..registry import PARTS
 from .documents import comment
 from .files import foreign_kind, is_file, read_text
 from .line_file import LineFile, read_line_file, require_closed
@@ -250,7 +250,7 @@ def _read(
         _require_course(boundary, other)
         if said:
             other.note()
-        line, right, left, walls = PARTS.find("between boundaries")(path, line, other.points)
+        line, right, left, walls = from_addons.between_boundaries(path, line, other.points)
         widths, file = np.array([right, left]), replace(file, walls=walls)
     elif "right" in file.values:
         widths = np.array([file.values["right"], file.values["left"]])

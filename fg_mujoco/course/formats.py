@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
+from .. import from_addons
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import CarParameters
-from ..registry import PARTS, Registry
+from ..registry import Registry
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
@@ -114,13 +114,12 @@ def _random(name: str) -> Course:
     if colon and kind != TIGHT:
         close = f"; did you mean 'random:{seed}:{TIGHT}'?" if nearest(kind, [TIGHT]) else ""
         raise TrackError(f"{name!r} asks for a random circuit of kind {kind!r}; accepted: {forms}{close}")
-    course: Course = _drawn(int(seed), tight=bool(colon))
-    return course
+    return _drawn(int(seed), tight=bool(colon))
 
 
 @lru_cache(maxsize=32)
-def _drawn(seed: int, *, tight: bool) -> Any:
-    return PARTS.find("tight circuits" if tight else "random circuits")(seed)
+def _drawn(seed: int, *, tight: bool) -> Course:
+    return from_addons.generate_tight_track(seed) if tight else from_addons.generate_track(seed)
 
 
 def _open(name: str, car: CarParameters) -> Course:

@@ -39,9 +39,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import from_addons
 from ..errors import Note, TrackError
 from ..messages import FloatArray
-from ..registry import PARTS
 from .documents import comment
 from .files import read_bytes
 from .line_names import COLUMNS, RACELINE, SHOWN, lines_of, name_a_line, places_of, plain_name, unit_of
@@ -113,7 +113,7 @@ def read_line_file(path: str | Path, *, course: bool, line: str | None = None) -
     """
     path = Path(path)
     if path.suffix.lower() in FOREIGN:
-        table: Table = PARTS.find("line table")(path, course=course, line=line)
+        table = from_addons.line_table(path, course=course, line=line)
     elif line is not None:
         raise TrackError(f"{path}: line is {line!r}, but the file has one line only; accepted: no line=")
     else:
@@ -151,8 +151,8 @@ def _understood(path: Path, table: Table, course: bool) -> LineFile:
     if line and (used or not course):
         bounds = ()
     if bounds:
-        sides = (_numbers(path, table, [(k, unit_of(names[k], "x")) for k in bounds[i : i + 2]]) for i in (0, 2))
-        points, right, left, walls = PARTS.find("between boundaries")(path, *sides, points if line else None)
+        one, other = (_numbers(path, table, [(k, unit_of(names[k], "x")) for k in bounds[i : i + 2]]) for i in (0, 2))
+        points, right, left, walls = from_addons.between_boundaries(path, one, other, points if line else None)
         values, notes = {"right": right, "left": left}, [*notes, "the two boundaries are the walls"]
     elif not course and (shifted := _shifted(table, points)) is not None:
         points, notes = shifted, [*notes, "the line is the reference moved by alpha along its normals"]

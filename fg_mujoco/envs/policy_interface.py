@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import from_addons
 from ..errors import MessageError, SettingsError, accepted_names
 from ..lidar.beams import MOST_BEAMS, Beams
 from ..messages import (
@@ -34,7 +35,6 @@ from ..messages import (
     require,
     require_whole,
 )
-from ..registry import PARTS
 from ..simulation.planner_adapter import plan
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import PLANNER_OPTIONS, DriveSettings, as_part
@@ -365,7 +365,7 @@ def check_actions(settings: Any) -> None:
     """Raise SettingsError unless the fields that say what an action is are accepted."""
     object.__setattr__(settings, "action", as_action(settings.action))
     if settings.residual is not None:
-        object.__setattr__(settings, "residual", PARTS.find("residual").of(settings.residual))
+        object.__setattr__(settings, "residual", from_addons.Residual.of(settings.residual))
     if settings.residual is not None and settings.action != DEFAULT_ACTION:
         said = f"action is {settings.action!r}, with a residual"
         raise SettingsError(f"{said}; accepted: {DEFAULT_ACTION!r}, which are corrections of a planner's commands")

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .. import from_addons
 from ..arguments import explain_class, setting
 from ..errors import SettingsError, accepted_names
 from ..messages import require
-from ..registry import PARTS
 from .beams import NO_RETURN_READINGS
 
 GREATEST_NOISE = 10.0
@@ -49,7 +49,7 @@ class LidarEffects:
 
     def __post_init__(self) -> None:
         if self.measured is not None:
-            object.__setattr__(self, "measured", PARTS.find("measured errors").load(self.measured))
+            object.__setattr__(self, "measured", from_addons.MeasuredErrors.load(self.measured))
         noise = f"0 to {GREATEST_NOISE:g} m, which is the range that the UST-10LX is made for"
         require(self, lambda value: 0.0 <= value <= GREATEST_NOISE, noise, ("range_noise_std",), SettingsError)
         latency = f"0 to {LONGEST_LATENCY:g} s; an F1TENTH car drives 8 m in that time"

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .. import from_addons
 from ..course.course import Course, describe_course
 from ..messages import CarParameters, FloatArray
 from ..racing import run_folder
 from ..racing.result import RaceResult
-from ..registry import PARTS
 from ..simulation.cars import car_colour_hex
 from ..simulation.telemetry import TELEMETRY
 from ..vehicle.car import WHEELS
@@ -138,7 +138,7 @@ def _panels(
 def _trace_of_several(result: RaceResult, path: Target) -> None:
     """Draw a race of several cars; arguments as of `trace_picture`."""
     cars = result.cars
-    found = PARTS.find("standings")([car.telemetry for car in cars], [car.row() for car in cars])
+    found = from_addons.standings([car.telemetry for car in cars], [car.row() for car in cars])
     ends = [max(int(np.searchsorted(found.time, car.end_time_s - 1e-9)), 1) for car in cars]
     lines = [np.column_stack((car.column("x_m"), car.column("y_m")))[:end] for car, end in zip(cars, ends, strict=True)]
     names = [car.name if len(car.name) <= _LONGEST_NAME else f"{car.name[: _LONGEST_NAME - 1]}…" for car in cars]

@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import from_addons
 from ..compiled.beside import beside
 from ..course.course import Course, laps_to_drive, wall_outlines
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle
 from ..messages import CarParameters, Controller, FloatArray
-from ..registry import PARTS
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.settings import Start
@@ -67,7 +67,7 @@ class Ground:
         """
         course, placed = load_track(track, car=car), () if isinstance(obstacles, int) else tuple(obstacles)
         if moving:
-            course = PARTS.find("with moving")(
+            course = from_addons.with_moving(
                 course, moving, obstacle_seed, car=car, start=start, cars=cars, obstacles=placed
             )
         if isinstance(obstacles, int) and obstacles != 0:

@@ -7,7 +7,7 @@
     control.finish()
     control.contacts, control.overtakes, control.warnings
 
-The part "race control" of an add-on watches several cars and enforces rules. One car without rules needs none: no
+RaceControl of the add-on arena watches several cars and enforces rules. One car without rules needs none: no
 other car can touch it.
 """
 
@@ -18,10 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from .. import from_addons
 from ..arguments import explain_class
 from ..errors import SettingsError, accepted_names
 from ..messages import shown
-from ..registry import PARTS
 from ..simulation.termination import END_REASONS
 from .entries import BOTH
 
@@ -149,8 +149,7 @@ def race_control(engine: Engine, *, names: Sequence[str], rules: str, world: int
     """Return what watches the cars of a world of an engine; arguments are those of RaceControl, rules by name."""
     if len(names) == 1 and rules == "none":
         return RaceRecord(engine, names=names)
-    watched: RaceRecord = PARTS.find("race control")(engine, names=names, rules=find_rules(rules), world=world)
-    return watched
+    return from_addons.RaceControl(engine, names=names, rules=find_rules(rules), world=world)
 
 
 def find_rules(name: str) -> Rules:

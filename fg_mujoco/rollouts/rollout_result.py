@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import from_addons
 from ..arguments import explain_class
 from ..course.course import Course
 from ..course.obstacles import as_obstacles
@@ -23,7 +24,6 @@ from ..racing.entries import Entry
 from ..racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
 from ..racing.randomization import Randomization
 from ..racing.setup import Setup
-from ..registry import PARTS
 from ..simulation.settings import GREATEST_LAPS, DriveSettings
 from ..vehicle.tire_slip import sliding_text
 from .chunk_store import ChunkStore, FolderStore
@@ -164,7 +164,7 @@ class RolloutResult(Shown):
         """
         if "scan" not in self.settings:
             raise SettingsError("no scans were recorded; accepted: a rollout with record='scans'")
-        return PARTS.find("dataset").of(self.chunks, sorted(set(self.places[:, 0].tolist())), self.settings)
+        return from_addons.Dataset.of(self.chunks, sorted(set(self.places[:, 0].tolist())), self.settings)
 
     def by(self, name: str, ranges: int = 8) -> Shares:
         """Return the shares of worlds that finished, crashed and slid, in even ranges of a column such as "mu".

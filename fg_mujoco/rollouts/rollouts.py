@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import from_addons
 from ..arguments import explain_class
 from ..course.course import Course
 from ..errors import SettingsError, accepted_names
@@ -28,7 +29,6 @@ from ..racing.planners import split_controller
 from ..racing.randomization import Randomization, world_seeds
 from ..racing.resolved import ground_of
 from ..racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup, SetupKeywords
-from ..registry import PARTS
 from .chunk_store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
@@ -167,7 +167,7 @@ def rollout_setup(
     """Drive many worlds of a setup, on several tracks in turn if they are given; else as `rollout`."""
     how = executor if isinstance(executor, Executor) else Executor(kind=executor)
     if how.kind == "ray":
-        PARTS.find("require ray")()
+        from_addons.require_ray()
     require_whole("workers", workers, 1, optional=True)
     job = _job(setup, [setup.track] if tracks is None else tracks, n, seeds, randomize, record, how.chunk)
     if how.kind == "ray" and any(":" in str(entry.controller) for entry in job.opponents.entries):
@@ -243,7 +243,7 @@ def _drive(
 
     if missing:
         own = {"threads": drive_in_threads, "processes": drive_in_processes}
-        drive = own[kind] if kind in own else PARTS.find("drive on ray")
+        drive = from_addons.drive_on_ray if kind == "ray" else own[kind]
         with closing(drive(job, missing, workers=workers, pulse=pulse)) as finished:
             for number, arrays in finished:
                 store.add(number, arrays)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, cast
 
 import mujoco
 
+from .. import from_addons
 from ..arguments import explain_class, setting
 from ..controllers.control.assist import names_in
 from ..course.course import Course
@@ -22,7 +23,6 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.beams import lidar_of
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, MapLine, PlannerContext, require, require_whole, shown
-from ..registry import PARTS
 from ..vehicle.car import command_delay
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
 from ..vehicle.friction_patches import Patch
@@ -216,7 +216,7 @@ class CarSettings:
                 f"mu is {self.mu!r} and CarChanges.mu is {self.changes.mu!r}; accepted: one of them, or the same twice"
             )
         if self.floor is not None:
-            object.__setattr__(self, "floor", PARTS.find("floor").load(self.floor))
+            object.__setattr__(self, "floor", from_addons.Floor.load(self.floor))
             given = next((value for value in (self.mu, self.changes.mu) if value is not None), None)
             if given is not None:
                 said = f"floor is {self.ground_name!r} and mu {given!r}"

@@ -19,13 +19,14 @@ from typing import TYPE_CHECKING, Any
 
 import mujoco
 
+from .. import from_addons
 from ..arguments import explain_class
 from ..course.files import foreign_kind, is_file, is_folder, read_setting
 from ..course.mjcf import MOST_MJCF
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
-from ..registry import PARTS, Registry
+from ..registry import Registry
 from .bodywork import add_hull
 from .car import WHEELS, car_parameters, command_delay
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
@@ -103,8 +104,7 @@ class Vehicle:
             return _bundled(str(source))
         path = Path(source).expanduser()
         if is_folder(path) or (path.suffix.lower() in _OF_OTHERS and is_file(path)):
-            found: Vehicle = PARTS.find("car of files")(path)
-            return found
+            return from_addons.load_car(path)
         if is_file(path) and (kind := foreign_kind(path)) is not None:
             raise ModelError(f"vehicle file {source}: is {kind}; accepted: {OWN_CAR}")
         text = read_setting(path, f"vehicle file {source}", "an MJCF file", MOST_MJCF)

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import fg_mujoco.addons
 from cases import each
+from fg_mujoco import from_addons
+from fg_mujoco.from_addons import PLACES
 from fg_mujoco.registry import ADDONS, added
 
-TABLES = ("COMMANDS", "NAMES", "PLANNERS", "SCENES", "SCHEMES", "PARTS")
+TABLES = ("COMMANDS", "NAMES", "PLANNERS", "SCENES", "SCHEMES")
 
 
 def run(code):
@@ -30,7 +32,7 @@ def test_the_core_races_and_shows_its_help_without_add_ons():
     )
     assert "time_limit" in said and "rollout" in said and "overtake" not in said
     assert "--floor" in said and "help 0" in said and "None" in said
-    assert "2\n" in said and "'floor' is of an add-on, and no add-ons are installed" in said
+    assert "2\n" in said and "'Floor' is of an add-on, and no add-ons are installed" in said
 
 
 def test_an_add_on_that_cannot_be_imported_names_itself():
@@ -48,13 +50,13 @@ def test_a_race_is_told_and_written_where_the_page_cannot_be_made(tmp_path):
         "from fg_mujoco.cli.main import main\n"
         f"print(main(['race', '--laps', '1', '--time-limit', '0.5', '--out', {str(tmp_path / 'run')!r}]))"
     )
-    assert "time limit" in said and "'report' is of the add-on look, which cannot be imported" in said
+    assert "time limit" in said and "'report_race' is of the add-on look, which cannot be imported" in said
     assert "\n1\n" in said  # it was not driven to its end, and nothing worse
     assert (tmp_path / "run" / "summary.json").exists()
 
 
 @each("table", TABLES)
-def test_what_the_table_names_is_there(table):
+def test_what_the_tables_name_is_there(table):
     for name, place in added(table).items():
         module, _, attribute = place.removeprefix(f"{ADDONS}.").partition(":")
         base = Path(fg_mujoco.addons.__file__).parent.joinpath(*module.split("."))
@@ -71,3 +73,10 @@ def test_what_the_table_names_is_there(table):
             )
         }
         assert attribute in defined, (name, place)
+
+
+def test_what_the_core_asks_add_ons_for_is_what_mypy_and_import_linter_see():
+    tree = ast.parse(Path(from_addons.__file__).read_text("utf-8"))
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and ADDONS in (node.module or "")]
+    checked = {f"{node.module}:{alias.asname}" for node in imports for alias in node.names}
+    assert checked == {f"{ADDONS}.{place}:{name}" for place, names in PLACES.items() for name in names.split()}

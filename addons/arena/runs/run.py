@@ -15,6 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from fg_mujoco import from_addons
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import ControllerError, SettingsError, TrackError
 from fg_mujoco.messages import FloatArray
@@ -25,7 +26,6 @@ from fg_mujoco.racing.race import race_setup
 from fg_mujoco.racing.resolved import Ground, ground_of
 from fg_mujoco.racing.result import CarResult, RaceResult
 from fg_mujoco.racing.setup import OF_A_CAR, Setup
-from fg_mujoco.registry import PARTS
 from fg_mujoco.rollouts.store import digest, of_kind
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.planner_failure import one_line
@@ -235,7 +235,7 @@ def _lap_bound(setup: Setup) -> float:
     course, car = ground_of(setup).course, setup.first.car.parameters
     if isinstance(course, Track) and course.closed:
         try:
-            return float(PARTS.find("fastest lap")(setup).lap_time)
+            return from_addons.make_raceline(setup).lap_time
         except (SettingsError, TrackError):  # too narrow, too long, or the solver does not converge
             pass
     speed = min(setup.first.max_speed, car.max_speed)

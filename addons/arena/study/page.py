@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fg_mujoco.course.course import Course
-from fg_mujoco.course.moving_obstacles import MovingObstacle
-from fg_mujoco.course.obstacles import Obstacle
+from fg_mujoco import from_addons
 from fg_mujoco.display import Html, element, html
 from fg_mujoco.pictures.pages.page import note, scroll, write_page
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.registry import PARTS
 
 from ..runs.run import TRACE_STEP, RunRow
 from .tables import conditions
@@ -30,15 +26,6 @@ which <code>fg-mujoco race --config FILE.toml</code> drives again.</p>{pictures}
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Shown:
-    """What is drawn of the place of a run."""
-
-    track: Course
-    obstacles: Sequence[Obstacle]
-    moving: Sequence[MovingObstacle]
-
-
 def write_study_page(head: str, table: Table, rows: Sequence[RunRow], path: Path) -> Path:
     """Write the page of a study and return its path.
 
@@ -50,7 +37,7 @@ def write_study_page(head: str, table: Table, rows: Sequence[RunRow], path: Path
         cell = tuple(row.place.get(name) for name in (*names, "drive"))
         if row.trace and (cell not in chosen or (chosen[cell].car.success and not row.car.success)):
             chosen[cell] = row
-    shown = list(chosen.values())[:_MOST_PICTURES] if "driven line" in PARTS else []
+    shown = list(chosen.values())[:_MOST_PICTURES]
     left_out = note(f"{len(chosen) - len(shown)} more are left out.") if len(chosen) > len(shown) else None
     body = html(
         _BODY, title=head, table=scroll(table.html("words"), "whole"), legend=note(table.legend),
@@ -63,13 +50,13 @@ def _picture(row: RunRow) -> Html:
     """Return where a run was driven, how it ended, and its setup."""
     setup, points = Setup.read(row.setup), row.points
     ground = ground_of(setup)
-    place = _Shown(track=ground.course, obstacles=ground.obstacles, moving=ground.course.moving)
     steps = np.hypot(*np.diff(points, axis=0).T) / (TRACE_STEP * _TICK)
     speeds = np.append(steps, steps[-1:]) if len(steps) else np.zeros(len(points))
     words = ", ".join(str(value) for name, value in row.place.items() if value is not None and name != "drive")
     ended = row.figures.get("outcome") or row.car.end_reason.replace("_", " ")
     said = f"{words}: {ended}" + (f", {row.car.message}" if row.car.message else "")
     marks = [] if row.car.success or not len(points) else [(str(ended), tuple(points[-1]))]
-    drawn = PARTS.find("driven line")(place, points, speeds, time=row.sim_time_s or 0.0, marks=marks, title=said)
+    place, time = (ground.course, ground.obstacles), row.sim_time_s or 0.0
+    drawn = from_addons.driven_line(*place, points, speeds, time=time, marks=marks, title=said)
     raced = None if row.checks else element("details", element("summary", "setup"), element("pre", setup.toml))
     return element("figure", Html(drawn), element("figcaption", said), raced)

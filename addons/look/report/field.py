@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fg_mujoco import from_addons
 from fg_mujoco.display import Html, element, escaped, html
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.pictures.pages.bokeh_plots import ALERT, mark, new_panel, put_legend_above, stacked
 from fg_mujoco.pictures.pages.page import note, scroll
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.registry import PARTS
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.telemetry import TELEMETRY
 
@@ -42,7 +42,7 @@ class Field:
         if not run.others:
             return None
         telemetries, rows = (run.telemetry, *run.others), run.summary["cars"]
-        found = PARTS.find("standings")(telemetries, rows)
+        found = from_addons.standings(telemetries, rows)
         ends = [int(np.searchsorted(found.time, float(row["end_time_s"]) - 1e-9)) for row in rows]
         x, y = (TELEMETRY.index(name) for name in ("x_m", "y_m"))
         lines = [telemetry[: max(end, 1)][:, [x, y]] for telemetry, end in zip(telemetries, ends, strict=True)]

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fg_mujoco import from_addons
 from fg_mujoco.course.files import is_folder
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.run_folder import SUMMARY, read_run
-from fg_mujoco.registry import PARTS
 
 from .drive_columns import DriveColumns, recognised
 from .drive_csv import header_of, read_csv_drive
@@ -51,8 +51,7 @@ def read_drive(
     if kind == "csv":
         return read_csv_drive(path, None if columns is None else DriveColumns.of(columns))
     if kind == "bag":
-        found: RecordedDrive = PARTS.find("bag drive")(path, vehicle=vehicle, **topics)
-        return found
+        return from_addons.read_bag_drive(path, vehicle=vehicle, **topics)
     from .driven_runs import drive_of_run  # loads MuJoCo
 
     return drive_of_run(read_run(path))

@@ -15,13 +15,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ... import from_addons
 from ...course.moving_obstacles import make_mover
 from ...errors import RunFolderError, SettingsError
 from ...messages import FloatArray
 from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run
-from ...registry import PARTS
 from ...simulation.cars import require_car
 from ...simulation.physics import STATE
 from ...simulation.telemetry import TELEMETRY
@@ -77,9 +77,9 @@ class Drive:
         return greatest
 
     @cached_property
-    def standings(self) -> Any:
+    def standings(self) -> from_addons.Standings | None:
         """Positions of the cars; None if the car was alone."""
-        return PARTS.find("standings")(self.telemetries, self.summary["cars"]) if len(self.telemetries) > 1 else None
+        return from_addons.standings(self.telemetries, self.summary["cars"]) if len(self.telemetries) > 1 else None
 
     def tick_at(self, time: float) -> int:
         """Return the tick that a time [s] is in.
