@@ -2,17 +2,15 @@
 
     python benchmarks/circuits.py --json docs/figures.json [--data ../shared/data] [--workers 2] [--runs DIR]
 
-`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Eight groups
+`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Six groups
 of races are driven, all with the default settings unless the group says otherwise:
 
-- identified: gap_finder and random, five laps, by the identified car on the floor that it was identified on;
+- identified: gap_finder, five laps, by the identified car on the floor that it was identified on;
+- identified_baseline: random, which looks at nothing, on the bundled circuits: what the assist drives by itself;
 - ideal: gap_finder on the published circuits, on tires that need no slip angle, as those of the published times;
 - circuits: gap_finder, five laps, on the bundled circuits, on the real ones of `--data` and on random:0 to random:19;
-- baseline: random, which looks at nothing, on the bundled circuits: what the assist drives by itself;
 - planners: every planner, five laps, on the bundled circuits, without `remember`: all of them would drive one line;
-- scenes: every planner in every scene, ten seeds;
-- speeds: every planner in two scenes at six greatest speeds, five seeds;
-- thresholds: threshold_gap with five thresholds, two laps, on the bundled circuits.
+- scenes: every planner in every scene, ten seeds.
 
 Races that a folder given by `--runs` already has are not driven again.
 """
@@ -33,9 +31,6 @@ COMMAND = "python benchmarks/circuits.py --json docs/figures.json"
 BUNDLED = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
 RANDOM = tuple(f"random:{seed}" for seed in range(20))
 IDENTIFIED = {"vehicle": "ipz", "floor": "ipz8"}
-SPEEDS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [m/s]
-SPEED_SCENES = ("scene:u_turn_trap", "scene:wrong_side_chicane")
-THRESHOLDS = (1, 2, 3, 4, 5)  # [m]
 DIGITS = {"first_lap_s": 2, "best_lap_s": 2, "max_slide_m_s": 3}
 
 
@@ -63,15 +58,12 @@ def by_controller(comparison: fg.Study) -> dict[str, dict[str, Any]]:
     return found
 
 
-def successes(comparison: fg.Study) -> dict[str, dict[str, dict[str, int]]]:
-    """Return how many runs of each controller in each scene at each greatest speed succeeded."""
-    found: dict[str, dict[str, dict[str, int]]] = {}
+def successes(comparison: fg.Study) -> dict[str, dict[str, int]]:
+    """Return how many runs of each controller in each scene succeeded."""
+    found: dict[str, dict[str, int]] = {}
     for cell in comparison.cells:
-        if cell["course"] == "all":
-            continue
-        scene = cell["course"].removeprefix("scene:")
-        speed = f"{cell.get('max_speed', 8.0):g}"
-        found.setdefault(cell["planner"], {}).setdefault(scene, {})[speed] = cell["successes"]
+        if cell["course"] != "all":
+            found.setdefault(cell["planner"], {})[cell["course"].removeprefix("scene:")] = cell["successes"]
     return found
 
 
@@ -87,18 +79,14 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
     circuits = group("circuits", ["gap_finder"], track=[*BUNDLED, *real, *RANDOM])
     identified = group("identified", ["gap_finder"], track=[*BUNDLED, *real, *RANDOM], **IDENTIFIED)
     identified_baseline = group("identified_baseline", ["random"], track=BUNDLED, **IDENTIFIED)
-    thresholds = [f"threshold_gap[threshold={t}]" for t in THRESHOLDS]
-    scenes = successes(group("scenes", track=[f"scene:{name}" for name in fg.scene_names()], seed=range(10)))
+    scenes = group("scenes", track=[f"scene:{name}" for name in fg.scene_names()], seed=range(10))
     return {
         "identified": by_controller(identified)["gap_finder"],
         "identified_baseline": by_controller(identified_baseline)["random"],
         "ideal": by_controller(group("ideal", ["gap_finder"], track=published, tires="coulomb"))["gap_finder"],
         "circuits": by_controller(circuits)["gap_finder"],
-        "baseline": by_controller(group("baseline", ["random"], track=BUNDLED))["random"],
         "planners": by_controller(group("planners", track=BUNDLED, assist="full-remember")),
-        "scenes": {name: {scene: speeds["8"] for scene, speeds in found.items()} for name, found in scenes.items()},
-        "speeds": successes(group("speeds", track=SPEED_SCENES, max_speed=SPEEDS, seed=range(5))),
-        "thresholds": by_controller(group("thresholds", thresholds, track=BUNDLED, laps=2)),
+        "scenes": successes(scenes),
     }
 
 

@@ -30,13 +30,16 @@ PUBLISHED = {  # [s] lap from a standing start: follow-the-gap on LiDAR alone, a
 }
 """Of the survey "Unifying F1TENTH Autonomous Racing" (its benchmark notebooks: 8 m/s limit, mu 1.0489)."""
 
-SCENES = {  # heads of the columns
-    "corridor_sparse": "corridor sparse", "corridor_dense": "dense", "cylinder_field": "cylinders",
-    "narrow_gap_120": "gap 1.2", "narrow_gap_150": "gap 1.5", "narrow_gap_200": "gap 2",
-    "square_corner": "square corner", "dead_end": "dead end", "u_turn_trap": "U-turn trap",
-    "wrong_side_chicane": "wrong side", "crossing_box": "crossing box", "slow_leader": "slow leader",
-}  # fmt: skip
-SUMMARY = ("| oval |", "| tight |", "| Spielberg |", "| ESP |", "| random:")  # rows of the circuits that come first
+SCENES = {  # heads of the columns, and their scenes
+    "corridors, cylinders": ("corridor_sparse", "corridor_dense", "cylinder_field"),
+    "gap 1.2": ("narrow_gap_120",),
+    "gaps 1.5, 2": ("narrow_gap_150", "narrow_gap_200"),
+    "corners, traps": ("square_corner", "dead_end", "u_turn_trap", "wrong_side_chicane"),
+    "crossing box": ("crossing_box",),
+    "slow leader": ("slow_leader",),
+}
+SUMMARY = ("oval", "tight", "Spielberg", "ESP", "random:0 to random:19")  # circuits on the first page
+LAPS = ("laps", "crashes", "lap from a standing start [s]", "best of five laps [s]", "greatest slide [m/s]")
 WITH_A_MAP = ("pure_pursuit",)
 OF_ADDONS = ("overtaker.py", "pure_pursuit.py")
 
@@ -64,34 +67,37 @@ def controllers(figures: dict[str, Any]) -> str:
 
 
 def circuits(figures: dict[str, Any]) -> str:
-    """Return gap_finder's laps of every circuit, and those of the baseline on the bundled ones."""
-    return _laps(figures["circuits"], figures["baseline"])
-
-
-def _laps(found: dict[str, Any], baseline: dict[str, Any]) -> str:
-    rows = []
-    for name in (*BUNDLED, *REAL, *PUBLISHED):
-        label = name.upper() if name in PUBLISHED else name
-        for planner, runs in (("gap_finder", found), ("random", baseline)):
-            if name in runs:
-                run = runs[name]
-                rows.append((label, f"`{planner}`, `full`", f"{run['laps_completed']}/5", run["collisions"],
-                             _seconds(run["first_lap_s"]), _seconds(run["best_lap_s"]),
-                             f"{run['max_slide_m_s']:.3f}"))  # fmt: skip
-    drawn = [found[f"random:{seed}"] for seed in range(20)]
-    rows.append(("random:0 to random:19", "`gap_finder`, `full`", f"{sum(run['laps_completed'] for run in drawn)}/100",
-                 sum(run["collisions"] for run in drawn), _range(run["first_lap_s"] for run in drawn),
-                 _range(run["best_lap_s"] for run in drawn),
-                 f"{max(run['max_slide_m_s'] for run in drawn):.3f}"))  # fmt: skip
-    head = ("circuit", "planner, assist", "laps", "crashes", "lap from a standing start [s]", "best of five laps [s]",
-            "greatest slide [m/s]")  # fmt: skip
-    return _table(head, rows)
+    """Return gap_finder's laps of every circuit."""
+    return _table(("circuit", *LAPS), [(circuit, *row) for circuit, row in _laps(figures["circuits"]).items()])
 
 
 def summary(figures: dict[str, Any]) -> str:
-    """Return the identified car's laps of a few circuits: bundled ones, two real ones, and random ones."""
-    head, rule, *rows = _laps(figures["identified"], figures["identified_baseline"]).splitlines()
-    return "\n".join((head, rule, *(row for row in rows if row.startswith(SUMMARY))))
+    """Return the identified car's laps of a few circuits, and those of the baseline on the bundled ones."""
+    groups = {"gap_finder": _laps(figures["identified"]), "random": _laps(figures["identified_baseline"])}
+    rows = [
+        (circuit, f"`{planner}`, `full`", *laps[circuit])
+        for circuit in SUMMARY
+        for planner, laps in groups.items()
+        if circuit in laps
+    ]
+    return _table(("circuit", "planner, assist", *LAPS), rows)
+
+
+def _laps(found: dict[str, Any]) -> dict[str, tuple[object, ...]]:
+    """Return the cells of LAPS of each circuit; the random ones are one row."""
+    drawn = {"random:0 to random:19": [found[f"random:{seed}"] for seed in range(20)]} if "random:0" in found else {}
+    names = [name for name in (*BUNDLED, *REAL, *PUBLISHED) if name in found]
+    rows = {name.upper() if name in PUBLISHED else name: [found[name]] for name in names} | drawn
+    return {
+        label: (
+            f"{sum(run['laps_completed'] for run in runs)}/{5 * len(runs)}",
+            sum(run["collisions"] for run in runs),
+            _range(run["first_lap_s"] for run in runs),
+            _range(run["best_lap_s"] for run in runs),
+            f"{max(run['max_slide_m_s'] for run in runs):.3f}",
+        )
+        for label, runs in rows.items()
+    }
 
 
 def published(figures: dict[str, Any]) -> str:
@@ -116,12 +122,15 @@ def planners(figures: dict[str, Any]) -> str:
 
 
 def scenes(figures: dict[str, Any]) -> str:
-    """Return each planner's successes of ten seeds in each scene."""
+    """Return each planner's successes in the scenes of each column [%]: of ten seeds of each."""
     rows = [
-        (f"`{name}`{' (with a map)' if name in WITH_A_MAP else ''}", *(found[scene] for scene in SCENES))
+        (
+            f"`{name}`{' (with a map)' if name in WITH_A_MAP else ''}",
+            *(round(10.0 * sum(map(found.get, scenes)) / len(scenes)) for scenes in SCENES.values()),
+        )
         for name, found in figures["scenes"].items()
     ]
-    return _table(("", *SCENES.values()), rows)
+    return _table(("", *SCENES), rows)
 
 
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
@@ -148,8 +157,9 @@ def _seconds(value: float) -> str:
 
 
 def _range(values: Iterable[float]) -> str:
+    """Return the least and the greatest of some times, or the one."""
     found = list(values)
-    return f"{_seconds(min(found))} to {_seconds(max(found))}"
+    return " to ".join(dict.fromkeys((_seconds(min(found)), _seconds(max(found)))))
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[object]], *, numbers: bool = True) -> str:
