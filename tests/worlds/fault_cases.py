@@ -1,4 +1,4 @@
-"""Touches of two cars that are staged by commands, and who is at fault: the table of docs/addons/arena/race_control.md.
+"""Touches of two cars that are staged by commands, and who is at fault.
 
 A case says where each car is at first, as the middle of its chassis along a straight course and to the left of its
 line, how it is turned, how fast it is, and what it is commanded from when on. `approaches` drives both by a
