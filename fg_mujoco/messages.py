@@ -517,10 +517,8 @@ class ControllerBatch(Protocol):
 
     It may have a method `compiled_calls` of the same arguments: it returns calls that decide for these arrays as often
     as they are made, (k, 2) whole numbers, in each row the address of a kernel's code (`compiled.kernels.call_at`) and
-    the number that it is called with. An engine then makes them within its own compiled call.
-
-    It may have a method `take_readings(row, readings)`, which is called before each decision with the readings of each
-    running car that has sensors.
+    the number that it is called with. An engine then makes them within its own compiled call. And a method
+    `take_readings(row, readings)`, called before each decision with the readings of each running car that has sensors.
     """
 
     def __call__(

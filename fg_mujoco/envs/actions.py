@@ -73,14 +73,10 @@ class ActionBounds:
       residual: a Residual, whose planner the actions correct; None: they are the commands.
 
     Attributes:
-      low: (2,) float32, least.
-      high: (2,) float32, greatest.
-      limits: as `read_actions` takes it.
-      ends: (2,) sum of least and greatest.
-      span: (2,) greatest less least.
-      share: as `read_actions` takes it.
+      low, high: (2,) float32, least and greatest.
+      limits, share, slow: as `read_actions` takes them.
+      ends, span: (2,) sum of least and greatest, and greatest less least.
       remembers: whether a command depends on the one before it.
-      slow: as `read_actions` takes it.
 
     Raises:
       SettingsError: a speed range beyond the car's, or no such action.
@@ -122,7 +118,6 @@ class ActionReader:
     """Converts the actions of n cars to commands, from tick to tick.
 
     Attributes:
-      bounds: as given.
       previous: last actions, within their bounds (n, 2); before the first, 0 or the bound next to it.
       planned: commands that the actions correct (n, 2), written by others; (0, 2): they correct none.
     """
@@ -178,13 +173,10 @@ class ActionReader:
     def read(
         self, actions: ArrayLike, taken: NDArray[np.bool_], commands: FloatArray, clipped: NDArray[np.int64]
     ) -> None:
-        """Convert the actions of n cars to the commands of a tick, and count the clipped ones.
+        """Convert the actions (n, 2) of n cars to commands of a tick (n, 2) [rad, m/s]; count the clipped ones (n,).
 
         Args:
-          actions: (n, 2).
           taken: (n,) whose actions count; the others may be anything.
-          commands: (n, 2) [rad, m/s] written to.
-          clipped: (n,) counts, added to.
 
         Raises:
           MessageError: a NaN, or an array of another shape.

@@ -1,8 +1,6 @@
 """Builds: the compiled worlds of a randomised environment, each made once, ahead of its use by a thread.
 
-A course, its obstacles and patches, a vehicle and its tires are compiled into a world, which takes 0.1 to 0.3 s. So an
-environment draws them for a number of builds, and each episode draws one of these. All else is drawn for each episode.
-
+What is compiled into a world, in 0.1 to 0.3 s, is drawn for a number of builds, and each episode draws one of these.
 The values of builds are spread over their ranges as in a Latin hypercube: of 64 builds on 4 courses 16 are on each.
 """
 

@@ -80,7 +80,6 @@ def load(
     """Return an environment.
 
     Args:
-      track: as `load_track` takes it.
       task: one of TASKS.
       seed: of starts and of the LiDAR's noise, and of the places of obstacles unless `obstacle_seed` is given; None: of
         the first two, another each time.
@@ -181,11 +180,7 @@ class Physics(Uncopied, dm_mujoco.Physics):  # type: ignore[misc]
 
 
 class CarTask(control.Task):  # type: ignore[misc]
-    """Laps to be driven.
-
-    Attributes:
-      episodes: the Episodes, of one world: `episodes.facts()` has what `info` of the Gymnasium environment has.
-    """
+    """Laps to be driven; `episodes.facts()` has what `info` of the Gymnasium environment has."""
 
     def __init__(
         self,

@@ -1,7 +1,5 @@
 """Opponents: the cars of an environment that do not learn, and the planners and policies that drive them.
 
-    F1TenthEnv(opponents=["gap_finder", {"controller": "pure_pursuit", "max_speed": 4.0}, policy])
-
 A policy is a function of an observation that returns an action, both as the environment has them.
 """
 

@@ -1,10 +1,4 @@
-"""Settings of an environment for learning: course, episode, observations and rewards.
-
-    settings = EnvironmentSettings.of({"track": "hairpins", "laps": 2, "beam_step": 10})
-    world = settings.make_world()
-
-`observation_description`, `actions`, `rewards` and `end_conditions` describe these.
-"""
+"""Settings of an environment for learning: course, episode, observations and rewards."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Random values of each episode of an environment, from the generator of its world alone.
 
-An episode has a seed, which the world's generator gives when the episode before it begins: so the build of the next
-episode is known, and made, while the present one is driven. From the seed follow all values, by Randomization.draw, and
-the number of the build, whose values stand in the place of those that were drawn for what is compiled.
+An episode's seed is drawn when the episode before it begins: so the build of the next episode is known, and made, while
+the present one is driven. From the seed follow all values, and the number of the build, whose values stand in the
+place of those that were drawn for what is compiled.
 """
 
 from __future__ import annotations

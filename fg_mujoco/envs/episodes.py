@@ -1,11 +1,5 @@
 """Episodes in some worlds, for all environments: actions in; observations, rewards and ends out.
 
-    episodes = Episodes(settings, Worlds(settings))
-    episodes.begin(which, generators)
-    observation = episodes.observe(which)
-    episodes.step(actions)
-    episodes.rewards, episodes.terminated, episodes.truncated
-
 All arrays have a row for each car that learns: with one in each world, for each world.
 """
 

@@ -8,8 +8,7 @@
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
 `gymnasium.make("fg_mujoco:fg_mujoco/F1Tenth-v0")` needs no import. `gymnasium.make_vec` makes the
-vector environment of gym_vector. The keywords are those of EnvironmentSettings. Observations are described in
-`observations`, rewards in `rewards`, and further ends of episodes in `end_conditions`.
+vector environment of gym_vector. The keywords are those of EnvironmentSettings.
 """
 
 from __future__ import annotations
@@ -58,9 +57,7 @@ class F1TenthEnv(Remade, gymnasium.Env[Observation, NDArray[np.float32]]):
     `sliding` (share of the tick in which a tire slid; NaN of tires without a peak) and `clipped_actions`; with
     opponents `touches` (of other cars so far), `position` (1 in front) and `lead_m` (on the foremost other car); of
     each reward term `reward_NAME`, its part of the tick's reward, and `return_NAME`, the sum of the episode; and at the
-    end `end_reason` and `lap_times_s`.
-
-    A copy (copy.deepcopy, pickle) is a new environment of the same arguments, to be reset.
+    end `end_reason` and `lap_times_s`. A copy (copy.deepcopy, pickle) is a new environment of the same arguments.
 
     Args:
       render_mode: "rgb_array", "human" or None.

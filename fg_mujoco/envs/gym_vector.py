@@ -42,7 +42,6 @@ class F1TenthVectorEnv(Remade, VectorEnv[Observation, NDArray[np.float32], NDArr
     """Cars on one course, each in a world of its own, with the same opponents.
 
     Args:
-      num_envs: how many.
       autoreset_mode: when a finished world is reset: NEXT_STEP, SAME_STEP, DISABLED, or their values.
       max_episode_steps: an episode is truncated after so many; None: by its time limit only.
       threads: that step the worlds; None: one for each core.
@@ -51,7 +50,6 @@ class F1TenthVectorEnv(Remade, VectorEnv[Observation, NDArray[np.float32], NDArr
 
     Attributes:
       policy_interface: what a policy sees and answers; a planner made of the policy needs it.
-      episodes: of the worlds.
 
     Raises:
       TrackError, SettingsError: what cannot be driven.

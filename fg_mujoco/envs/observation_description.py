@@ -223,12 +223,8 @@ def even_beams(count: int, chosen: int) -> NDArray[np.int64]:
 
     Beam k of n is at k (count - 1) / (n - 1), rounded; the left half mirrors the right. One alone is straight ahead.
 
-    Args:
-      count: of the LiDAR's beams.
-      chosen: how many of them, n.
-
     Raises:
-      SettingsError: more than it has.
+      SettingsError: more than the LiDAR has.
     """
     if not 1 <= chosen <= count:
         raise SettingsError(f"observation has beams:{chosen} of {count}; accepted: beams:1 to beams:{count}")

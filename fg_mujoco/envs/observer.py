@@ -1,8 +1,5 @@
 """Makes observations of some cars from what their sensors read, from step to step.
 
-    observer = Observer(observation, car, beams, period, count=n)
-    seen = observer.read(which, ranges, odometry)
-
 An environment has one for its worlds, a policy that drives one for its car: the same code, the same bits.
 """
 

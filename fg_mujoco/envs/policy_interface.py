@@ -143,13 +143,7 @@ class PolicyInterface:
         beams: Beams,
         period: float,
     ) -> PolicyInterface:
-        """Return the interface of an environment's settings.
-
-        Args:
-          settings: EnvironmentSettings, which are above this module.
-          car: of the compiled model.
-          beams: of its LiDAR.
-          period: of a tick [s].
+        """Return the interface of an environment's settings, of its car, its LiDAR's beams, and ticks of `period` [s].
         """
         bearings, drive = beams.bearings, settings.driven(effects=settings.effects)
         return cls(
@@ -228,13 +222,7 @@ class PolicyInterface:
         sensors: Sequence[SensorSize] | None = None,
         privileged: Sequence[ObservationTerm] = (),
     ) -> Observer:
-        """Return what makes the observations of so many cars.
-
-        Args:
-          car: of an environment, for terms that are functions of its state; None: its limits do.
-          beams: of its LiDAR; None: those of the interface.
-          sensors: that it has besides; None: those of the interface.
-        """
+        """Return what makes the observations of `count` cars, with what an environment has in the place of its own."""
         return Observer(
             self.observation, car or self.car, beams or self.beams, self.period, count=count, beam_step=self.beam_step,
             sensors=self.sensors if sensors is None else sensors, privileged=privileged,
@@ -268,9 +256,6 @@ class PolicyInterface:
 
 class PolicyDriver:
     """One car that a policy drives: its readings become observations, and actions become commands.
-
-    Attributes:
-      interface: as given.
 
     Raises:
       SettingsError: the policy needs what a car does not sense.

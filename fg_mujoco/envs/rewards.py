@@ -226,7 +226,7 @@ class RewardTerm:
 
 @dataclass(frozen=True, init=False, repr=False)
 class Rewards:
-    """Weights of the terms.
+    """Weights of the terms, of which `terms` are all, the four first.
 
     By default `progress` is 1 per metre, `collision` 10, `sliding` 1 per second and `impact` 1 per m/s. A weight of 0
     leaves one of these four out.
@@ -236,10 +236,6 @@ class Rewards:
       bounded: whether the running costs of a tick take at most nine tenths of what it gains. Where no term can gain
         anything, nothing bounds them.
       weights: of terms by name, or a function and its weight: `Rewards(sliding=20.0, mine=(function, 0.5))`.
-
-    Attributes:
-      terms: all of them, the four first.
-      bounded: as given.
 
     Raises:
       SettingsError: an unknown term or preset, or a weight that is negative or not finite.

@@ -1,8 +1,5 @@
 """Commands over time: what a drive without a planner follows, read from a CSV file or made by a manoeuvre.
 
-    commands = Commands.read("commands.csv")
-    commands.at(1.25)                                  # steering angle [rad] and speed [m/s], linear between the rows
-
 The file has the columns `time_s, steering_angle_rad, speed_m_s` in any order, and rows whose times rise. Blank lines
 and lines starting with `#` are skipped.
 """

@@ -1,8 +1,5 @@
 """A drive without a planner: commands over time, or a manoeuvre, on open ground.
 
-    result = drive("circle[radius=2,speed=3]", mu=0.7)
-    print(handling(result))
-
 Commands are sampled once a tick, 25 ms, as a planner's are, and held until the next. The result is that of a race
 without laps, and is written, replayed, reported and rendered like one.
 """

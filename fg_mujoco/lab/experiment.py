@@ -1,7 +1,7 @@
 """An experiment of the friction lab: cells of work, the rows that they yield, and what is said of them.
 
-A cell is some seconds of work on one core. It is described completely by itself and the settings, so that any process
-can measure it, and it is not measured again if its rows are on disk.
+A cell is some seconds of work on one core, described completely by itself and the settings, so that any process can
+measure it.
 """
 
 from __future__ import annotations

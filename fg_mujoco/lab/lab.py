@@ -1,17 +1,9 @@
 """Runs experiments of the friction lab, cell by cell in worker processes, and writes what they found.
 
-    settings = LabSettings(entry=Entry(vehicle="car.xml"), law="my_law.py:law", mus=(0.3, 0.7))
-    result = run_lab(["skidpad"], out="runs/friction", settings=settings)
-    print(result.text())
-
 Finished cells are in the folder at once, and the same call goes on where one was interrupted. A folder may be filled
-by several calls, an experiment each.
-
-    lab.json                  the settings and versions that made it; a folder of any others is refused
-    cells/NAME.jsonl          a line a cell of that experiment, with its rows, added when it is finished
-    NAME.csv                  a row a measurement, with all columns; a value that is missing is empty
-    NAME.svg, NAME.pdf        its figure
-    NAME.md                   what is printed, with the command that makes it again
+by several calls, an experiment each: `lab.json` has the settings and versions that made it, `cells/NAME.jsonl` a line
+a cell with its rows, NAME.csv a row a measurement, a missing value empty, NAME.svg and NAME.pdf its figure, and NAME.md
+what is printed, with the command that makes it again.
 """
 
 from __future__ import annotations
@@ -148,13 +140,9 @@ def run_lab(
     """Measure what is missing of some experiments, and write what they found.
 
     Args:
-      names: of the experiments; each once.
       out: a new or empty folder, or one of the lab with the same settings and sources; None: nothing is written.
       workers: processes; None: as many as there are cores; one: no other than this.
-      settings: that all experiments share.
-      pictures: whether to draw the figures.
       again: the command that makes the results again, which is written beside them.
-      watch: called several times a second.
 
     Raises:
       SettingsError, RunFolderError: what cannot be measured or written; nothing has run then.

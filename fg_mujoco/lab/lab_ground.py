@@ -1,12 +1,4 @@
-"""The car on its endless level ground: where the lab drives without walls.
-
-    ground = LabGround(mu=0.7)
-    ground.place(speed=3.0)
-    trace = ground.run([DriveCommand(steering_angle=0.1, speed=3.0)] * 40)
-    trace.slip.sliding_speed, trace.acceleration  # at every physics step
-
-All that a `Trace` tells is read off the car's own sensors, of each step.
-"""
+"""The car on its endless level ground, where the lab drives without walls, its motion read off its own sensors."""
 
 from __future__ import annotations
 

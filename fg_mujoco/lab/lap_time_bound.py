@@ -1,16 +1,10 @@
 """How fast a lap of a given line could be: the quasi-steady-state lower bound, by a forward and a backward pass.
 
-    line = smooth_line(points, tolerance=0.005)
-    speeds = fastest_speeds(line, PointMass(grip=mu * 9.81, car=car.parameters, max_speed=8.0))
-    lap_time(line, speeds)
-
 At each place of the line the forces balance as if the motion were steady there: what cornering leaves of the friction
 circle, up to what the actuator gives, brakes or accelerates the car. The fastest such motion is the least of what
 corners allow, of what can be gained up to a place, and of what can be lost from there on (Brayshaw and Harrison, "A
 quasi steady state approach to race car lap simulation", Proc. IMechE D 219, 2005). No car with these forces laps the
-line in less time: it would need to know all of it, and to change its forces at once.
-
-`PointMass` is one mass on one friction circle, as a car is whose axles are tied by a shaft.
+line in less time. `PointMass` is one mass on one friction circle, as a car is whose axles are tied by a shaft.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """Laps, beside the least time that the laws of motion allow on the same line, and planners that are told a wrong mu.
 
-`laps` compares the best lap of each circuit with that of a point mass on the friction circle (`lap_time_bound`), on the
-line that the car drove. `mismatch` drives laps for each pair of the tires' friction and the one that the planner is
-told. Both take the planner and assist of the settings. Where another law is given, it limits the speed besides the
-assist. That is then `mean_range`, the field's own law, unless the settings name one; a faster law changes nothing.
+Both take the planner and assist of the settings. Where another law is given, it limits the speed besides the assist,
+which is then `mean_range`, the field's own law, unless the settings name one; a faster law changes nothing.
 """
 
 from __future__ import annotations

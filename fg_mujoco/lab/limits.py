@@ -1,8 +1,5 @@
 """Where a steady circle ends for a rigid car: what the lab puts beside the speeds that it measures.
 
-    steady = SteadyLimits.of(ground, mu=0.7, steering=0.1)
-    steady.slides, steady.leaves_arc, steady.curvature_at(3.0)
-
 A car runs on a circle at a speed. Unknown are the slip angle of its rear axle, the curvature of its path, the slip
 ratios of its wheels, and the forces of its drive line; as many balances say what they are:
 
@@ -12,8 +9,7 @@ ratios of its wheels, and the forces of its drive line; as many balances say wha
 - a wheel gets from the drive line what its tire, its rolling resistance and the damping of its joint take;
 - a shaft or a locked axle makes spins alike, and a clutch holds them as far as its torque goes (`drive_line`).
 
-Each tire has its own slip angle and slip ratio, and the force of its law at the slip of both (`tire_patch`). Where
-there is no solution any more the car spins. What the car lacks is all that is not steady, and that it pitches and
+Where there is no solution any more the car spins. What it lacks is all that is not steady, and that it pitches and
 leans on its springs, but for the load that moves.
 """
 

@@ -1,10 +1,7 @@
 """Manoeuvres by name, driven open-loop: each is a table of commands, made from a few settings.
 
-    find_manoeuvre("circle[radius=2,speed=3]").commands(car, mu)
-
-Each begins with `begin` seconds straight ahead at its speed. Angles to the left are positive, to the right negative.
-Where an ISO standard describes the manoeuvre of a full-size car, the class names it; lengths and speeds here are those
-of a car of scale 1:10.
+Each begins with `begin` seconds straight ahead at its speed. Angles to the left are positive. Where an ISO standard
+describes the manoeuvre of a full-size car, the class names it; lengths and speeds are those of a car of scale 1:10.
 """
 
 from __future__ import annotations
@@ -59,11 +56,7 @@ class Manoeuvre:
         return with_settings(self.name, {k: value for k, value in changed.items() if value != getattr(plain, k)})
 
     def commands(self, car: CarParameters, mu: float) -> Commands:
-        """Return its commands.
-
-        Args:
-          car: that drives it.
-          mu: friction coefficient of the tires.
+        """Return its commands, for a car on tires of friction `mu` [-].
 
         Raises:
           SettingsError: the car cannot steer so far or go so fast, or it takes longer than ten minutes.
@@ -336,7 +329,6 @@ def find_manoeuvre(text: str, speed: float | None = None) -> Manoeuvre:
     """Return the manoeuvre of a name, with settings in brackets where wanted: `circle[radius=2,speed=3]`.
 
     Args:
-      text: a name, or NAME[SETTING=VALUE,...].
       speed: in place of the manoeuvre's own [m/s]; None: its own.
 
     Raises:

@@ -1,8 +1,8 @@
 """The skidpad: up to which speed a car holds its circle, and what ends it.
 
-Constant steering, settled at one speed after another. Measured are the speeds at which a tire slides, at which a wheel
-leaves the ground, and at which the path differs from the steered arc by 5 %, and the curvature that is left at the
-law's speed. Beside each stands that of a rigid car (`limits`). The law is safe where its speed is below all three.
+Measured, at one steady speed after another, are those at which a tire slides, a wheel leaves the ground, and the path
+differs from the steered arc by 5 %, and the curvature that is left at the law's speed; beside each stands that of a
+rigid car (`limits`). The law is safe where its speed is below all three.
 """
 
 from __future__ import annotations

@@ -1,13 +1,8 @@
 """A car held on a circle: constant steering, and the speed brought slowly to k times the law's.
 
-    circle = SteadyCircle(mu=0.7, steering=0.2)
-    reading = circle.at(0.98)
-    reading.sliding, reading.curvature
-    circle.bisect(lambda reading: reading.sliding.any())  # the readings before and after
-
 The state settles at each k: it is reached from the nearest slower one that was settled before, gaining 6 % of mu g of
-speed at most. A slow ramp of the speed without settling costs as much, and is up to 12 % off: its acceleration moves
-load to the rear axle, and a car that is about to spin takes its time.
+speed at most. A slow ramp of the speed without settling is up to 12 % off: its acceleration moves load to the rear
+axle, and a car that is about to spin takes its time.
 """
 
 from __future__ import annotations

@@ -1,13 +1,9 @@
 """Steering steps: what a law that holds on steady circles leaves to the moment of turning in.
 
 A car comes straight ahead, and is steered to an angle as fast as its servo turns. Two speeds are found by bisection:
-
-- `turn_in`: the set point stays, and a tire slides. Turning the car takes lateral force besides that of the circle;
-- `approach`: the law slows the car from the moment at which it is steered, and a tire slides. The servo turns faster
-  than the car slows, so the law comes too late by the way of that.
-
+`turn_in`, where the set point stays and a tire slides, as turning the car takes lateral force besides the circle's; and
+`approach`, where the law slows the car from then on, too late by the way of the servo, which is faster than the car.
 Beside them stands the speed at which a tire slides on the steady circle of the same angle, of a rigid car (`limits`).
-A step has no such closed form: what a tire has when the car turns in hangs on yaw, relaxation and braking together.
 """
 
 from __future__ import annotations

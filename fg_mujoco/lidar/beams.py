@@ -119,16 +119,12 @@ class Beams:
 
 @dataclass(frozen=True, kw_only=True)
 class LidarModel:
-    """A LiDAR, as its MJCF describes it. Two are equal if file and text are.
+    """A LiDAR, as its MJCF, the text of a file of models/ or another path, describes it; `load` makes and checks one.
 
-    `LidarModel.load` makes one from a file, and checks it. The MJCF has one body in the world, with a frame `beams`
-    that holds the site of each beam, rightmost first; a rangefinder on each site, whose `cutoff` is the greatest range
-    [m] and whose `interval` is the time between two sweeps [s]; and a number `range_min` [m]. A number `level` of 1, as
-    a simulator's LiDAR may have it, keeps its beams level while the car rolls and pitches.
-
-    Attributes:
-      file: a file of models/, or an absolute path.
-      text: the MJCF.
+    The MJCF has one body in the world, with a frame `beams` that holds the site of each beam, rightmost first; a
+    rangefinder on each site, whose `cutoff` is the greatest range [m] and whose `interval` is the time between two
+    sweeps [s]; and a number `range_min` [m]. A number `level` of 1, as a simulator's LiDAR may have it, keeps its
+    beams level while the car rolls and pitches.
     """
 
     file: str
@@ -136,10 +132,7 @@ class LidarModel:
 
     @classmethod
     def load(cls, file: str = DEFAULT_LIDAR) -> LidarModel:
-        """Return a LiDAR, checked once for each file.
-
-        Args:
-          file: a file of models/, or the path of another.
+        """Return a LiDAR of a file of models/, or the path of another, checked once for each file.
 
         Raises:
           ModelError: a file that cannot be read, or that is not the MJCF of a LiDAR.

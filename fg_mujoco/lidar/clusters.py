@@ -1,9 +1,6 @@
-"""Triangles in clusters of neighbours that face the same way, as `scanline` wants them.
+"""Triangles in clusters of neighbours that face the same way, as `scanline` wants them: drawn or skipped as a whole.
 
-The scan draws or skips a cluster as a whole. So a cluster is small in space, and its triangles are hidden together: the
-front and the back of a wall are different clusters. A cluster is stored as its edges, each once, because the scan plane
-cuts edges, and as its triangles, three edges each.
-
+A cluster is stored as its edges, each once, because the scan plane cuts edges, and as its triangles, three edges each.
 Which vertex of an edge comes first, and the order of the edges of a triangle, follow from the coordinates alone. An
 edge that two clusters share is therefore cut to the same bits in both, whatever the order of the geoms.
 """

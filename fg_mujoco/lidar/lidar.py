@@ -1,9 +1,5 @@
 """Two back ends that measure along the beams of a LiDAR that is part of a compiled model.
 
-    lidar = make_lidar("raycast", model)
-    mujoco.mj_forward(model, data)
-    scan = lidar.beams.to_scan(lidar.ranges(data), stamp=data.time)
-
 `rangefinder` reads MuJoCo's own sensors, `raycast` draws the scan by a z-buffer (scanline.py): the same beams through
 the same world in 3D, the same distances to float64 rounding, some 80 times as fast.
 
@@ -53,9 +49,8 @@ def lidar_spec(file: str = DEFAULT_LIDAR, *, sensors: bool = True) -> Any:
 class RangefinderLidar:
     """MuJoCo's own rangefinder sensors. The model must have them: `lidar_spec(sensors=True)`.
 
-    The sensors fire by themselves every 25 ms of simulated time, give or take a step (the engine compares rounded
-    sums of timesteps). `ranges` has them fire at the present state whatever their phase, and leaves the phase, and so
-    the simulation's state, as it was.
+    The sensors fire by themselves every 25 ms of simulated time. `ranges` has them fire at the present state whatever
+    their phase, and leaves the phase, and so the simulation's state, as it was.
 
     Raises:
       ModelError: no LiDAR under this prefix, not with the beams of its file, or one that stays level.
@@ -101,15 +96,11 @@ class RaycastLidar:
     one thread.
 
     Args:
-      model: the compiled mujoco.MjModel.
-      prefix: of the LiDAR's names in it.
+      prefix: of the LiDAR's names in the model.
       beams: to measure along instead of those of the LiDAR's file.
 
     Attributes:
-      beams: the Beams.
-      model: the compiled mujoco.MjModel.
-      body: id of the LiDAR's body.
-      mount: how the LiDAR is fixed to the body of a free joint; None where it is not.
+      body, mount: id of the LiDAR's body, and how it is fixed to the body of a free joint; None where it is not.
       scene: what its beams can meet, prepared for the scanline z-buffer.
       poses: of the LiDAR's body, and after it of the bodies that move.
 
@@ -140,13 +131,7 @@ class RaycastLidar:
         return readings
 
     def ranges_along(self, bearings: FloatArray, positions: FloatArray, rotations: FloatArray) -> FloatArray:
-        """Return the readings of beams of the scan plane, with LiDAR and moving bodies at poses of their own.
-
-        Args:
-          bearings: (n,) evenly spaced to the left [rad].
-          positions: (m, 3) [m] as in `poses`.
-          rotations: (m, 3, 3).
-        """
+        """Return the readings of beams at bearings (n,) [rad], evenly spaced, with all bodies at poses of their own."""
         readings = np.empty(len(bearings))
         step = (bearings[-1] - bearings[0]) / max(len(bearings) - 1, 1)
         limits = np.array((bearings[0], step or self.beams.angle_increment, self.beams.range_min, self.beams.range_max))

@@ -2,9 +2,6 @@
 
     state = generator_state(seed)
     draw_normals(state, *ziggurat(), normals)  # as np.random.default_rng(seed).standard_normal(out=normals)
-    draw_shares(state, shares)  # as .random(out=shares), after that
-
-Numpy calls a function for each number of 64 bits. Here the generator, PCG64, is written out where it is used.
 
 Sources: O'Neill, PCG: A family of simple fast space-efficient statistically good algorithms for random number
 generation, 2014 (XSL-RR 128/64); Marsaglia and Tsang, The ziggurat method for generating random variables, 2000, as in

@@ -1,14 +1,4 @@
-"""The effects of a real LiDAR, applied to scans; `effects` has their settings.
-
-    pipeline = ScanPipeline(lidar, LidarEffects(range_noise_std=0.01), np.random.default_rng(seed))
-    for _ in range(substeps):
-        mujoco.mj_step(model, data)
-        pipeline.record(data)
-    mujoco.mj_forward(model, data)
-    scan = pipeline.scan(data)
-
-Same calls, same seed: the same bits.
-"""
+"""The effects of a real LiDAR, applied to scans; `effects` has their settings. Same calls, same seed: the same bits."""
 
 from __future__ import annotations
 

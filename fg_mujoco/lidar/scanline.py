@@ -1,17 +1,11 @@
 """A scanline z-buffer: all beams leave one point in one plane, so the scan is a picture of one row.
 
-    scene = ScanlineScene(model, beams, carrier)
-    scan(scene.arrays, position, rotation, moving_positions, moving_rotations, scene.scratch(), out)
-
 The plane of the beams, the scan plane, cuts a triangle in a line from one of its edges to another. In the frame of the
 LiDAR, 1 / distance along such a line is linear in the cosine and the sine of the bearing, and so it is for the ground.
 So a surface is drawn into the beams between its ends by two multiplications a beam. Each beam keeps the nearest surface
 and takes one division at the end. Nothing is approximate: the sign of a cross product decides which beam lies left of
-an end, once for all the triangles that share the end, so that no beam slips through between neighbours.
-
-Clusters of triangles are skipped where the scan plane misses them, where they are out of range or behind the LiDAR, and
-where nearer surfaces, already drawn, hide them; near clusters are drawn first. The drawing of a surface does not depend
-on the others, and the nearest is the nearest in any order, so the order of the geoms does not matter.
+an end, once for all the triangles that share the end, so that no beam slips through between neighbours. Clusters of
+triangles are skipped where the scan plane misses them, out of range, behind the LiDAR, or behind nearer surfaces.
 
 Source: the depth buffer is Catmull's (A subdivision algorithm for computer display of curved surfaces, 1974), leaving
 out clusters by it Greene's (Hierarchical Z-buffer visibility, SIGGRAPH 1993); here in a picture of one row.

@@ -1,14 +1,11 @@
 """The cars of a world without its course, which are stepped in its place where they touch nothing.
 
-Each course has a model of its own, with its walls, and each world has data of its own. Where all worlds have another
-course, what a step reads of them has left the processor's cache before the world's next tick. But cars that touch
-nothing move the same without the walls. So for worlds that come and go (`Slots`) each thread has one model and one data
-of the cars alone, which stay in the cache. A world's state, and what is its own in the model (`CHANGEABLE`), is written
-to them before a tick, and the state is read from them afterwards. From the first step on in which a car may touch
-something, the world's own model and data are stepped.
-
-The states have the same bits, because the cars in both models are the same: their ids of bodies, joints, actuators and
-pairs, and all that a step reads of them. Ids of geoms differ.
+Where all worlds have another course, what a step reads of their models and data has left the processor's cache before
+the world's next tick. But cars that touch nothing move the same without the walls. So for worlds that come and go
+(`Slots`) each thread has one model and one data of the cars alone. A world's state, and what is its own in the model
+(`CHANGEABLE`), is written to them before a tick, and read from them afterwards. From the first step on in which a car
+may touch something, the world's own model and data are stepped. The states have the same bits: the cars in both models
+have the same ids of bodies, joints, actuators and pairs.
 """
 
 from __future__ import annotations

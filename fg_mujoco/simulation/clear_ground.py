@@ -1,8 +1,7 @@
-"""Finds poses in which a car touches nothing, so that MuJoCo need not look for contacts there.
+"""Finds poses in which a car touches nothing, so that MuJoCo need not look for contacts there, a fifth of its step.
 
-In each physics step MuJoCo looks through the walls of a course for those near a car, which takes a fifth of a step on
-tires of ours. Where all cars are further from what is solid, and from each other, than they reach, and stand over the
-ground, there is nothing to be found, and the search is left out. The states have the same bits.
+Nothing is to be found where all cars are further from what is solid, and from each other, than they reach, and stand
+over the ground. The states have the same bits.
 """
 
 from __future__ import annotations

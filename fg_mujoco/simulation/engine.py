@@ -3,12 +3,7 @@
     engine = Engine(World("oval"), 64, laps=1)
     engine.place([Start(s=0.5 * i) for i in range(64)])
     while engine.running.any():
-        engine.sense()
-        engine.decide()
-        engine.drive()
-        engine.judge()
-
-`engine.tick()` does the four, in one compiled call where planners are compiled, at the same bits.
+        engine.tick()  # sense, decide, drive, judge; in one compiled call where planners are compiled, at the same bits
 
 Arrays have one row a car: the m cars of world 0, then those of world 1. A race is an engine of one world; rollouts and
 environments are engines of many. Each world's result is the same, bit for bit, whatever the others are.
@@ -74,30 +69,22 @@ class Engine(Uncopied):
     Args:
       world: that all share, or one for each world, with the same LiDAR. Worlds that are the same object and stand next
         to each other are driven together.
-      count: how many worlds, n; as many as there are, where each has its own.
       changes: what differs in each car, (r,); None: nothing.
-      laps: to be driven.
       time_limit: of simulated time [s]; None: that of the course.
       period: of a tick [s]; None: the LiDAR's.
-      threads: that drive the worlds.
       own_model: step `world.model` itself, so that changes to it take effect; else a copy.
 
     Attributes:
-      beams: of the LiDARs.
-      count: how many worlds, n.
-      cars_per_world: m.
-      period: time that a tick takes [s].
-      substeps: physics steps of a tick.
-      odometry, ranges, commands, mu, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays;
-        r is n m.
+      count, cars_per_world: n and m; r is n m.
+      period, substeps: time that a tick takes [s], and its physics steps.
+      odometry, ranges, commands, mu, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays.
       room: for how many worlds a model is compiled that `rebuild_worlds` puts in places; each thread has its own.
       no_messages: whether the ranges of a car are all that is read of its scans, so that they are not in `scans`, from
         when it is placed on, (r,); False unless somebody says so.
       monitor: RaceMonitor of the races.
       shares: of the worlds, for kernels that do more than one of the five verbs in a call.
       planners: whose `decide` is called; None: somebody else writes the commands.
-      before_substep: hooks that act before each physics step. What they write to `state` is stepped from.
-      after_substep: hooks that act after each.
+      before_substep, after_substep: hooks around each physics step. What the first write to `state` is stepped from.
 
     Raises:
       ModelError: a timestep that does not divide the period.
@@ -269,10 +256,7 @@ class Engine(Uncopied):
         return Surroundings(world=self.world_of(i), pose=pose, others=tuple(cars), contact=contact, up=up)
 
     def slip(self, i: int = 0) -> FloatArray:
-        """Return the tire slip of the car that was driven last in the batch of world i, as TireSlip.values. Live.
-
-        Shape (QUANTITIES, substeps, 4).
-        """
+        """Return the slip of the last car driven with world i, as TireSlip.values (QUANTITIES, substeps, 4). Live."""
         return self._place_of(i)[0].slip
 
     def records(self, i: int = 0) -> FloatArray:
@@ -296,9 +280,7 @@ class Engine(Uncopied):
         self.monitor.running[row], self.monitor.timers["progress"][row] = False, -math.inf
 
     def floor_friction(self) -> FloatArray:
-        """Return the friction of each tire of world 0 in each step of the last tick, on the floor under it [-].
-
-        It is a copy of shape (substeps, 4); without patches (1, 4).
+        """Return what world 0's tires have on the floor in each step of a tick (substeps, 4), or without patches (1, 4).
         """
         floor = self._batches[0].floor
         return floor.mu[:, 0].copy() if floor.mu.size else self._arrays.mu[:1].copy()
@@ -373,12 +355,10 @@ class Engine(Uncopied):
         """Place cars at their starts and begin their races.
 
         Args:
-          starts: one for each of the cars.
           which: (r,) the cars, whole worlds; None: all.
           effects: what the LiDAR of each does to a scan; None: nothing.
           seeds: of the LiDAR's noise of each, and of its sensors'; needed with effects or sensors.
           odometry_drifts: relative error of the speeds and the yaw rate in the odometry of each; None: there is none.
-          sensors: of each, besides LiDAR and odometry; None: none.
 
         Raises:
           SettingsError: a sensor's rate that is not one in a whole number of physics steps.
@@ -407,14 +387,10 @@ class Engine(Uncopied):
         sensors: Sequence[Sequence[Sensor]] = (),
         timed: bool = False,
     ) -> None:
-        """Go on in world i from a recorded state (k,).
+        """Go on in world i from a recorded state (k,), complete, as `state` returns it.
 
         Args:
-          state: complete, as `state` returns it.
-          i: the world.
-          effects: what its LiDARs do to a scan, all alike, or one for each car; None: nothing.
-          seed: of their noise, likewise.
-          odometry_drift: relative error of the speeds and the yaw rate in their odometry, likewise.
+          effects, seed, odometry_drift: as in `place`, of all cars alike, or one for each.
           sensors: of each car, besides LiDAR and odometry; nothing: none.
           timed: begin the races of its cars there, with their laps and why they end; else they race without end.
         """
@@ -510,13 +486,13 @@ class Engine(Uncopied):
     def tick(self, *, clock: Clock | None = None, history: Keeper | None = None, most: int = 1) -> Mask:
         """Sense, decide, drive and judge; return which cars were driven, (r,).
 
-        That is one compiled call for worlds of one car, where the planners are compiled and there are no hooks, no
-        effects of the LiDAR, no sensors and no drift of the odometry, which happen in Python.
+        That is one compiled call for worlds of one car, where planners are compiled and nothing happens in Python: hooks,
+        effects of the LiDAR, sensors, drift of the odometry.
 
         Args:
           clock: called with the time of each decision; where it raises, the cars stay as they are.
           history: keeps the ticks of world 0, once its cars are driven.
-          most: ticks that each world does in a compiled call, unless it ends before; without one it does a single one.
+          most: ticks that each world does in a compiled call, unless it ends before; without one it does one.
         """
         calls = self._compiled_calls()
         if calls is None:
@@ -548,10 +524,7 @@ class Engine(Uncopied):
         return self._calls
 
     def _tick_at_once(self, calls: Calls, clock: Clock | None, history: Keeper | None, most: int) -> bool:
-        """Do up to `most` ticks in one compiled call; return False where the planners have failed in the only one.
-
-        Then the rest of it is still to be done.
-        What `clock` raises, and planners that have failed, leave the cars as they are.
+        """Do up to `most` ticks in one compiled call; False: planners failed in the only one, whose rest is to be done.
         """
         planners = self.planners
         assert isinstance(planners, BatchPlanners)

@@ -1,9 +1,7 @@
 """Imports MuJoCo, or says in one line why it cannot be: half upgraded, damaged, or of a version that is not accepted.
 
-It is imported as well where MUJOCO_GL asks for a library that is not there: races need no pictures.
-
-With MUJOCO_GL=egl, `import mujoco` itself looks for EGL and ends in a traceback from ctypes without it. Then it is
-imported as with MUJOCO_GL=disable; a request for a picture is refused with what to install (rendering/gl.py).
+With MUJOCO_GL=egl, `import mujoco` ends in a traceback from ctypes where there is no EGL. Then it is imported as with
+MUJOCO_GL=disable: races need no pictures, and a request for one is refused with what to install (rendering/gl.py).
 
 By default MuJoCo draws with the package `glfw`, which starts another Python to look for its library, and takes longer
 to import than MuJoCo itself. Here it is imported once something draws.

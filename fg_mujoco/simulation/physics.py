@@ -1,7 +1,7 @@
 """Many states of one model, stepped in C: MuJoCo's batch functions, called from Python and from kernels.
 
-A kernel calls `apply_to_states` without Python in between and without the GIL. The bits of each state are those that
-`mujoco.mj_step` gives it alone. What one state raises, such as a stack that is too small, fails that state only.
+The bits of each state are those that `mujoco.mj_step` gives it alone. What one state raises, such as a stack that is
+too small, fails that state only.
 """
 
 from __future__ import annotations

@@ -296,10 +296,9 @@ def adapt(
     raises: bool = False,
     timed: Callable[[Decide], DriveCommand] | None = None,
 ) -> Planners:
-    """Return the adapter for some planners, as new.
+    """Return the adapter for some planners, as new, in the order of the cars.
 
     Args:
-      planners: in the order of the cars.
       arrays: whether planners that can decide together are given arrays; False where a planner is the caller's own
         object, which may have been used before.
       raises: whether the failure of a planner is raised.

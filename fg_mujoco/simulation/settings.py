@@ -442,8 +442,7 @@ class DriveSettings(CarSettings):
         Args:
           car: parameters of the car that it drives, as they are in the compiled world.
           map_line: the line through the course; None: it has no map.
-          model: of a recorded world, which says what LiDAR and delay the car had; None: as set.
-          index: of the car in it.
+          model: of a recorded world, which says what LiDAR and delay car `index` had; None: as set.
         """
         if model is None:
             beams, changed = self.car.lidar.beams, self.all_changes.command_delay

@@ -1,10 +1,7 @@
 """A planner shows values of its work: numbers, points, polygons, and arrays of a scan's length.
 
-    from fg_mujoco.simulation.showing import show  # the same function as fg_mujoco.show
-
     show("gap width", 0.8)                        # a number
     show("goal", (3.0, 0.4))                      # a point (2,) [m]
-    show("corridor", corners)                     # a polygon, points (m, 2) [m]
     show("path", points, draw="line", frame="base_link")
     show("clipped", scan.ranges.clip(0.0, 3.0))   # ranges (n,) [m], one for each beam of the scan
 

@@ -4,8 +4,7 @@
     scan, odometry = simulation.reset()
     scan, odometry = simulation.step(DriveCommand(steering_angle=0.1, speed=2.0))
 
-Each step holds the command for one period of the LiDAR (25 ms). Same world, same seed, same commands: same bits. A race
-drives the same engine without the MuJoCo data in between.
+Each step holds the command for one period of the LiDAR (25 ms). Same world, same seed, same commands: same bits.
 """
 
 from __future__ import annotations
@@ -37,23 +36,17 @@ class Simulation(Suggesting, Uncopied):
     """A car in a world, placed on the start of the track.
 
     Args:
-      world: the compiled world.
       effects: what the LiDAR does to a scan beyond measuring it; nothing by default.
-      seed: of the LiDAR's noise and dropouts.
       odometry_drift: relative error of the speeds and the yaw rate in the odometry, as in DriveSettings.
-      sensors: whose readings are in the odometry, as in DriveSettings.
       engine: of this one world, whose model is the world's own; None: a new one.
       data: to be used as `data`, of the world's model; None: a new one.
       others: settings of each car besides car 0: its start, effects, seed and drift. These cars do what stands in
         `engine.commands`, which whoever steps writes.
 
     Attributes:
-      world: the World.
-      engine: the Engine of one world that is stepped.
       data: the mujoco.MjData: what is written to its state is driven from; poses are those of the present state,
         sensors those of the last physics step.
-      period: time that a step takes [s].
-      substeps: physics steps of one.
+      period, substeps: time that a step takes [s], and its physics steps.
 
     Raises:
       ModelError: a timestep that does not divide the period.

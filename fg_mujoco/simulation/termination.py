@@ -60,14 +60,7 @@ class WrongWay:
 
     @classmethod
     def of(cls, timer: Any, length: float, laps: int, speed: float) -> WrongWay:
-        """Return the place where a car turned.
-
-        Args:
-          timer: a row of LAP_TIMER.
-          length: of a lap [m].
-          laps: of the race.
-          speed: as `speed_m_s`.
-        """
+        """Return the place where a car turned, by its row of LAP_TIMER, a lap's length [m] and the laps of the race."""
         done = min(int(timer["laps_completed"]), laps - 1)
         return cls(
             time_s=float(timer["furthest_time"]), x_m=float(timer["furthest_x"]), y_m=float(timer["furthest_y"]),
@@ -83,14 +76,9 @@ class WrongWay:
 class RaceMonitor:
     """The races of r cars: laps, which go on, and why the others ended. None runs before its car is placed.
 
-    Args:
-      count: how many cars, r.
-      laps: to be driven.
-
     Attributes:
-      laps: as given.
-      running: which races go on, (r,).
-      reasons: numbers in END_REASONS, (r,).
+      laps: to be driven.
+      running, reasons: which races go on, and numbers in END_REASONS, (r,).
       timers: of the laps, (r,) of LAP_TIMER.
       lap_times: [s], NaN where not driven, (r, laps).
       standing_since: when each car has come to stand behind the goal, NaN while it has not, (r,) [s].

@@ -80,24 +80,16 @@ class World(Suggesting):
       vehicle: a bundled name, the path of a vehicle's MJCF, or a Vehicle.
       mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       lidar: back end of the LiDAR, "raycast" or "rangefinder".
-      obstacles: what stands there besides the course's own obstacles.
-      changes: what else differs from the vehicle's MJCF.
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
-      patches: of the floor, on which the tires have another friction.
       others: the cars besides this one; vehicle, mu, changes and tires are those of car 0.
       keep: whether the model is kept on disk, for the next world of the same course, cars and obstacles.
 
     Attributes:
-      track: the course.
-      vehicle: the Vehicle of car 0, without the changes.
-      tires: that car 0 stands on.
-      vehicles: of all cars.
+      track, vehicle, tires: the course, and of car 0, without the changes.
+      vehicles, cars, car: of all cars, the Car of each in the model, and that of car 0.
       obstacles: all that stands there and the chassis can hit, besides the walls.
       moving: the moving obstacles, as they are in `model`.
-      xml: the MJCF text that `model` was compiled from.
-      model: the compiled mujoco.MjModel.
-      car: car 0 in it.
-      cars: all of them.
+      xml, model: the MJCF text, and the compiled mujoco.MjModel.
 
     Raises:
       TrackError: a track that cannot be read, or is narrower than the car.
@@ -149,9 +141,7 @@ class World(Suggesting):
 
     @classmethod
     def from_xml(cls, xml: str, *, lidar: str = "raycast") -> World:
-        """Return the world of the MJCF text that a run folder keeps: without course and vehicle, which it does not say.
-
-        A course that `shows` finds in the text can be set as `track`.
+        """Return the world of the MJCF text of a run folder, without course and vehicle, which it does not say.
 
         Raises:
           ValueError: it does not compile.

@@ -5,12 +5,9 @@ of approach v into e v within one step, whatever the depth, and stiffness 0.05 /
 is left of the depth in each. So a body goes no deeper than it moves in the step in which it arrives, and no contact
 gives energy to it. MuJoCo's default, a spring of 10 ms, let a car of 20 m/s 0.4 m into a wall, and through it.
 
-Walls, obstacles and cars have no friction. MuJoCo pushes a sliding contact apart, by its friction times its damping
-times its sliding speed: at a friction of 0.3 a car that met a wall at 20 m/s and 30 degrees left it as fast as it came.
-On the ground the friction has a damping of its own, 20 / s, so that a body that slides at 20 m/s hops by 2 cm only.
-
-What the ground stops is the geom `hull`, by a `pair` as the tires have: a chassis contact stays a crash. Tires and
-hull are all of a car that touches the ground, and its LiDAR and its box, where it has them.
+Walls, obstacles and cars have no friction, by which MuJoCo pushes a sliding contact apart. On the ground the friction
+has a damping of its own, 20 / s, so that a body that slides at 20 m/s hops by 2 cm only. What the ground stops is the
+geom `hull`, by a `pair` as the tires have: a chassis contact stays a crash.
 """
 
 from __future__ import annotations

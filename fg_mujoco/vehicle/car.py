@@ -159,7 +159,6 @@ class Car:
     """One car in a compiled model: reads its sensors, places it and drives it.
 
     Attributes:
-      parameters: of the car, for planners.
       mu: friction coefficient of the tires, or the greatest lateral peak of those with a curve [-].
       chassis_contact: where in sensordata the chassis' contact is.
       constants: where it is in the model and its limits, for kernels, (1,) of car_motion.CAR.

@@ -1,12 +1,7 @@
 """How a car answers the commands that it is sent: what the wheels turn to, and how it accelerates.
 
-A command of fg_mujoco is the angle of the road wheels and the speed of the car, and a car of the simulation does what
-it is commanded. The servo of a real car turns the wheels to `steering_gain` times the angle that it is sent, plus
-`steering_offset`. Its MJCF says so in the numeric `steering_map`, and this is where the two are converted: what was
-recorded comes in by `wheel_angle`, and what is sent to the car goes out by `steering_command`.
-
-A car may be sent accelerations in place of speeds. The numeric `acceleration_map` then says what its motor makes of
-them.
+The servo of a real car turns the wheels to `steering_gain` times the angle that it is sent, plus `steering_offset`, as
+the numeric `steering_map` of its MJCF says; `acceleration_map` says likewise what its motor makes of accelerations.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """The contract of a vehicle's MJCF: the names that it must have, the rules that it must keep, and the checks of both.
 
 A user's vehicle is checked when it is loaded; the bundled ones are checked by the tests.
-
-Each check raises in one line that says which name, in which file, and what is accepted.
 """
 
 from __future__ import annotations

@@ -3,10 +3,8 @@
 The tendon `drive` of a vehicle's MJCF has the wheels that are driven, and <custom> has the rest:
 
     <text name="centre" data="shaft"/>
-    <text name="front_axle" data="open"/>
     <text name="rear_axle" data="limited 0.05 0.3"/>
     <numeric name="motor_inertia" data="0.0003"/>
-    <numeric name="drag_brake" data="1.5"/>
 
 - `centre`, of a car that drives both axles: `open` (a differential: the torques have the shares of the tendon) or
   `shaft` (both axles turn alike, and each takes the torque that its tires hold).
@@ -16,7 +14,6 @@ The tendon `drive` of a vehicle's MJCF has the wheels that are driven, and <cust
   ramp is its locking value, 0 of an open one and 1 of one that never turns under load alone.
 - `motor_inertia` [kg m^2]: of all that turns with the motor, about the axis of the driven wheels: the rotor's times the
   square of the gear ratio.
-
 - `drag_brake` [N]: force at the ground against the motion of the drive, whatever its servo does: friction of gears and
   bearings, the motor's cogging, and the drag brake that an ESC is set to.
 

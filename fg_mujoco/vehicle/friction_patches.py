@@ -1,21 +1,10 @@
 """Patches of floor on which the tires have another friction: ice, sand, paint.
 
-    spec = Vehicle.load().spec()
-    add_patches(spec, (Patch(x=3.0, y=0.0, length=2.0, width=1.0, mu=0.4),))
-    model = spec.compile()
-    floor = PatchedFloor(model)
-    floor.apply(data)  # before each physics step
-
-A patch has no thickness, so that nothing but friction changes where it begins. That is more than MJCF can say. Of two
-geoms that touch, MuJoCo takes the greater friction; a `pair` of the tire with a patch flush with the ground adds a
-second contact, and the ground's still acts; and a patch that is high enough to lift the tire off the
-ground is a bump. So a patch is a site, which touches nothing and which rays skip, and before each physics step each
-tire's own pair with the ground gets the friction of what lies under the middle of the wheel. A tire touches the ground
-in one point, so that it is on a patch or not; where patches overlap, the last counts. Tires with a curve have their
-peaks scaled: that of the set's greatest is the patch's, and the ratio of front to rear stays.
-
-An engine does this for every world with patches, by `look_at_floor`. PatchedFloor does it for a model that is stepped
-by hand.
+A patch has no thickness, so that nothing but friction changes where it begins. MJCF cannot say that: of two geoms that
+touch, MuJoCo takes the greater friction. So a patch is a site, which touches nothing and which rays skip, and before
+each physics step each tire's own pair with the ground gets the friction of what lies under the middle of the wheel. A
+tire touches the ground in one point, so that it is on a patch or not; where patches overlap, the last counts. Tires
+with a curve have their peaks scaled: that of the set's greatest is the patch's, and the ratio of front to rear stays.
 """
 
 from __future__ import annotations

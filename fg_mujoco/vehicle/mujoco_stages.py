@@ -1,11 +1,8 @@
 """MuJoCo's stages of a physics step, and the arrays of its models and data, for kernels.
 
-    qvel = vector(data, layout.qvel, nv)
-    stage_velocity(model, data)
-
 A kernel gets a mujoco.MjModel and a mujoco.MjData as their addresses (`model._address`), and calls MuJoCo's own
-functions without Python in between. The arrays of both are found by where the structures keep their addresses; that is
-looked up once in this process, in a model of two joints, because it depends on how MuJoCo was built.
+functions. The arrays of both are found by where the structures keep their addresses; that is looked up once in this
+process, in a model of two joints, because it depends on how MuJoCo was built.
 """
 
 from __future__ import annotations

@@ -1,10 +1,5 @@
 """Physics steps of MuJoCo with tires that have a law of ours.
 
-    forces = TireForces(model)  # from now on the model's own contacts of the tires are off
-    forces.begin(data)
-    for _ in range(substeps):
-        forces.step(data)  # in the place of mujoco.mj_step
-
 `tire_patch` has the force of a tire, whose load is that of a spring and a damper under its lowest point; `tire_solve`
 the short steps of tires and drive; `tire_rows` what both read off a model. Here MuJoCo's stages are called around them.
 
@@ -51,10 +46,10 @@ _STILL = 1.0  # [rad/s] of a wheel: from there on it has all of its rolling resi
 class TireForces(Suggesting):
     """Steps a model by hand, the tires of its cars included; of the model `contact` as mujoco.mj_step does.
 
-    The motor's power is limited here: mujoco.mj_step gives the full force at every speed.
+    The motor's power is limited here: mujoco.mj_step gives the full force at every speed. The model's own contacts of
+    tires that have a law of ours are switched off.
 
     Args:
-      model: compiled. Its own contacts of tires that have a law of ours are switched off.
       prefix: of the car's names, or those of several cars, in their order in the model.
       wheels: that each has.
 
@@ -108,13 +103,7 @@ class TireForces(Suggesting):
             step_on_contacts(self._model._address, data._address, self._fields, self._gears, self._model.nv)
 
     def run(self, data: mujoco.MjData, records: FloatArray, states: FloatArray) -> None:
-        """Do a physics step for each row of two arrays, and write its sensors and its userdata there.
-
-        Args:
-          data: of the model.
-          records: (steps, sensordata of the model), or fewer columns.
-          states: (steps, userdata of the model), or fewer columns.
-        """
+        """Do a physics step for each row of two arrays, (steps, sensordata) and (steps, userdata), written to."""
         if len(self.rows):
             arguments = (*self._arguments(data), data.sensordata, records, states)
             steps_on_tires(*arguments)

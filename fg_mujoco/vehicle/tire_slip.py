@@ -1,16 +1,8 @@
 """The slip meter: how fast each tire's contact point slides over the ground, and how much of its friction it uses.
 
-    meter = TireSlipMeter(model)
-    for _ in range(substeps):
-        forces.step(data)  # of TireForces(model)
-        meter.record(data)
-    slip = meter.read()  # arrays of shape (substeps, 4)
-
 `record` copies the tires' sensors, which hold the contacts that the step was made with; `read` does the arithmetic
-for all steps at once. A tire off the ground has no contact point: it reads NaN, never zero.
-
-The part of sliding across the wheel's heading takes sensors of the wheels' axles, which `add_axle_sensors` adds to a
-vehicle's spec. World does so; in a model without these sensors that part is NaN, and so is what is along or across.
+for all steps at once. A tire off the ground has no contact point: it reads NaN, never zero. The part of sliding across
+the wheel's heading takes the sensors of `add_axle_sensors`, as World adds them; without them it is NaN.
 
 Whether a tire slides is said here, and nowhere else. A contact point of the model `contact` slides when it is faster
 than SLIDING_SPEED over the ground. A tire of bristles slides when the ground moves under it by more than BRISTLES_SLIDE
@@ -224,16 +216,12 @@ def drop_tire_sensors(spec: Any) -> None:
 
 @explain_class
 class TireSlipMeter:
-    """Records the tires' contacts at every physics step.
-
-    mu is that of the tire's `pair` with the ground, and the ground is taken to be at rest.
+    """Records the tires' contacts at every physics step, of a `pair` of each with the ground, which is at rest.
 
     Attributes:
       mu: friction coefficient of each tire, or its lateral peak, (4,).
       rows: of the tires, (4,) of TIRE; none for the model `contact`.
-      pairs: of the tires in the model.
-      readings: where the tires' sensors are in `data.sensordata`.
-      axles: where the axles' sensors begin in it; -1: the model has none.
+      readings, axles: where the tires' and the axles' sensors are in `data.sensordata`; -1: the model has none.
 
     Raises:
       ModelError: the model does not hold the car under this prefix.

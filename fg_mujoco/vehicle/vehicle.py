@@ -1,9 +1,5 @@
 """A vehicle: one MJCF file that keeps the documented names, with the LiDAR that it mounts and its look.
 
-    vehicle = Vehicle.load("nuc2")
-    spec = vehicle.spec(mu=0.8, changes=CarChanges(mass=4.6))
-    model = vehicle.compile()
-
 The MJCF is the source of every constant of the car; docs/howto/own_car.md lists the names that it must have.
 """
 
@@ -63,14 +59,11 @@ def _vehicles() -> Registry[Path | Traversable]:
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """A vehicle, as its MJCF describes it. Two are equal if all that makes them is.
-
-    `Vehicle.load` makes one from a name or a file, and checks it.
+    """A vehicle, as its MJCF describes it, made and checked by `Vehicle.load`. Two are equal if all that makes them is.
 
     Attributes:
       name: of a bundled vehicle, or of the file without its ending.
-      file: where the MJCF was read from.
-      text: the MJCF.
+      file, text: where the MJCF was read from, and what it is.
       lidar: the LiDAR that stands on its site `lidar_mount`.
       look: the MJCF of its meshes for pictures, a file of models/ or an absolute path; None: its plain shapes.
       tires: that it stands on.
@@ -145,11 +138,7 @@ class Vehicle:
         return self.reliable_mu()
 
     def reliable_mu(self, tires: Tires | None = None, mu: float | None = None) -> float:
-        """Return the friction that the car can rely on [-], which its planners assume.
-
-        Args:
-          tires: that it stands on; None: its own.
-          mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in their file.
+        """Return the friction that the car can rely on [-], as its planners do; None: of its own tires, with their mu.
         """
         tires = tires or self.tires
         if tires.peak is not None:
@@ -158,11 +147,7 @@ class Vehicle:
         return min(*peaks, max(peaks) * tires.least_share)
 
     def greatest_mu(self, tires: Tires | None = None) -> float:
-        """Return the friction coefficient of its tires, or their greatest lateral peak [-]: what `mu` sets.
-
-        Args:
-          tires: that it stands on; None: its own.
-        """
+        """Return the friction of tires, None: its own, or their greatest lateral peak [-]: what `mu` sets."""
         tires = tires or self.tires
         return tires.peak or max(self._lateral_peaks(None, tires))
 
@@ -179,7 +164,6 @@ class Vehicle:
 
         Args:
           mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in the MJCF.
-          changes: what else differs from the MJCF.
           tires: that it stands on; None: its own.
 
         Raises:
@@ -205,10 +189,7 @@ class Vehicle:
         return spec
 
     def compile(self, mu: float | None = None, changes: CarChanges | None = None) -> mujoco.MjModel:
-        """Return it compiled, alone on the ground of its MJCF, without the LiDAR. The model is the caller's own.
-
-        Args and errors are those of `spec`.
-        """
+        """Return it compiled, alone on its ground, without the LiDAR; arguments and errors are those of `spec`."""
         if mu is None and changes is None:
             return copy(self._model)
         return add_hull(self.spec(mu, changes)).compile()

@@ -131,12 +131,7 @@ class Sensor:
     def begin(self, car: CarState, rng: np.random.Generator) -> Callable[[CarState], ArrayLike]:
         """Return what measures on a car from its start on, in place of `measure`, for a sensor that remembers.
 
-        Args:
-          car: at the start.
-          rng: for what it draws, of the car's seed and the sensor's name.
-
-        Raises:
-          ModelError: the car lacks what the sensor measures.
+        `rng` is for what it draws, of the car's seed and the sensor's name; ModelError: the car lacks what it measures.
         """
         return self.measure
 
@@ -171,11 +166,7 @@ class Sensor:
         raise SettingsError(f"sensor {said} is not registered; accepted: SENSORS['a_name'] = {said} before it is made")
 
     def steps(self, timestep: float, substeps: int) -> int:
-        """Return how many physics steps pass from one reading to the next.
-
-        Args:
-          timestep: of the physics [s].
-          substeps: of a tick.
+        """Return how many physics steps, of `timestep` [s] and `substeps` a tick, pass from one reading to the next.
 
         Raises:
           SettingsError: no whole number.
@@ -204,11 +195,7 @@ SENSORS: Registry[type[Sensor]] = Registry(
 
 
 def as_sensors(values: Any, name: str = "sensors") -> tuple[Sensor, ...]:
-    """Return the sensors of a car, each given as a Sensor, by name, or by name with settings.
-
-    Args:
-      values: such as ["imu", {"sensor": "pose", "rate": 10}, WheelSpeeds(noise_std=0.1)].
-      name: of the setting, for messages.
+    """Return the sensors of a car, such as ["imu", {"sensor": "pose", "rate": 10}, WheelSpeeds(noise_std=0.1)].
 
     Raises:
       SettingsError: one is none of these, or two have the same name.

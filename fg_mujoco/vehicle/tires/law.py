@@ -1,14 +1,8 @@
 """A tire law: the force of a tire over its load, by its slip in one direction.
 
-    @dataclass(frozen=True, kw_only=True)
-    class Curve(Law):
-        D: float
-
-        def force(self, slip): ...
-
 A law is a frozen dataclass. A bundled one has a module of its own, with a kernel `force` of its numbers; one of a
 user's own is `sampled`. `tire_forces` does for all laws what they share: load, deflection of the contact patch, slip of
-both directions at once, damping. `laws` has them.
+both directions at once, damping.
 """
 
 from __future__ import annotations

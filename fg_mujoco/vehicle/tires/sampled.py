@@ -1,9 +1,8 @@
 """A law of a user's own, as kernels know it: its force, sampled.
 
-A user's law is one class in a file (docs/howto/own_tire_law.md). A set that names it gets a table of its force, which
-moves a car: kernels, worker processes and replays run no code of the file, and the table is faster than a formula.
-Between two nodes the force is a cubic of the slip's root, monotone where the nodes are, so it passes none of their
-peaks.
+A set that names a class in a file (docs/howto/own_tire_law.md) gets a table of its force, which moves a car: kernels,
+worker processes and replays run no code of the file. Between two nodes the force is a cubic of the slip's root,
+monotone where the nodes are, so it passes none of their peaks.
 """
 
 from __future__ import annotations

@@ -135,10 +135,7 @@ class Tires:
 
     @classmethod
     def load(cls, source: Tires | str | Path | Mapping[str, Any]) -> Tires:
-        """Return a set of tires.
-
-        Args:
-          source: a bundled name, `contact`, the path of a TOML file, what `described` returned, or Tires.
+        """Return the set of a bundled name, `contact`, the path of a TOML file, what `described` returned, or Tires.
 
         Raises:
           SettingsError: an unknown name, or a file that is not that of tires.
@@ -204,12 +201,7 @@ class Tires:
         return self.is_contact or self.friction == OF_VEHICLE
 
     def on(self, front: float, rear: float | None = None) -> Tires:
-        """Return the set on a vehicle whose MJCF has these frictions [-], to which one that is of it is scaled.
-
-        Args:
-          front: of the tires of the front axle.
-          rear: likewise; None: as in front.
-        """
+        """Return the set on a vehicle with these frictions of its axles [-], to which one that is of it is scaled."""
         if self.is_contact or not self._of_vehicle:
             return self
         frictions = front, front if rear is None else rear
