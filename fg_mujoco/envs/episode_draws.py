@@ -18,11 +18,11 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..racing.entries import Entry
 from ..racing.randomization import PARAMETERS, Choice, Randomization, generator
-from ..simulation.settings import Start
+from ..simulation.settings import Start, as_part
 from ..vehicle.changes import CarChanges
 from .builds import BUILT, Build, BuildPlan, Builds, Values
 from .drawn_settings import check_randomization
-from .starts import DrawnStart, given_start
+from .starts import DrawnStart
 
 if TYPE_CHECKING:
     from .environment_settings import EnvironmentSettings
@@ -132,8 +132,10 @@ def read_options(
       TrackError: a course that cannot be built.
     """
     given: Values = {}
+    start: Start | None = None
     for name, value in (options or {}).items():
         if name == "start":
+            start = None if value is None else as_part(value, Start, "start")
             continue
         if name not in randomization.ranges:
             if name in PARAMETERS:
@@ -143,4 +145,4 @@ def read_options(
             raise SettingsError(f"reset has no option {name!r}; {accepted_names(name, names)}")
         plain = str(value) if isinstance(value, Path) else value.item() if isinstance(value, np.generic) else value
         given |= {name: Randomization({name: Choice((plain,))}).draw(0)[name]}
-    return given_start({name: value for name, value in (options or {}).items() if name == "start"}), given
+    return start, given

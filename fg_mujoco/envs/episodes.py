@@ -28,7 +28,7 @@ from .observer import CAMERA, FLAT, Seen
 from .policy_interface import PolicyInterface
 from .reward_kernels import sum_terms
 from .rewards import write_values
-from .tick_state import TickState
+from .tick_state import TickState, leads, positions
 from .worlds import Mask, Worlds
 
 if TYPE_CHECKING:
@@ -103,7 +103,8 @@ class Episodes:
         self._driven, self._every = np.zeros(count, np.bool_), np.ones(count, np.bool_)
         self._sensed = False  # all cars, since they were driven
         timers = worlds.monitor.timers
-        self._progress, self._laps = timers["progress"], timers["laps_completed"]  # views
+        self._progress, self._laps = timers["progress"], timers["laps_completed"]  # views, as the next
+        self._slid, self._touches = (worlds.engine.statistics[name][worlds.rows] for name in ("max_slide", "touches"))
         self._runs = worlds.monitor.running  # which cars go on, a view
         self._waits = settings.ended_by == "all" and worlds.cars > 1
         self._ended_by_any = settings.ended_by == "any" and worlds.cars > 1
@@ -335,24 +336,24 @@ class Episodes:
     def facts(self) -> dict[str, NDArray[Any]]:
         """Return the facts of all episodes, new arrays (n,) by name, in the order of `fact_names`."""
         worlds = self.worlds
-        sliding = np.where(np.isnan(worlds.slid), np.nan, worlds.sliding)
+        sliding = np.where(np.isnan(self._slid), np.nan, worlds.sliding)
         values = [worlds.times, self._progress.copy(), self._laps.copy(), sliding, self.clipped.copy()]
         if worlds.cars > 1:
-            values += worlds.touches.copy(), worlds.positions, worlds.leads
+            values += self._touches.copy(), *(each(worlds.engine)[worlds.rows] for each in (positions, leads))
         if worlds.contacts is not None:
-            values.append(worlds.contact_counts.copy())
+            values.append(worlds.contacts.counts[worlds.rows].copy())
         drawn = [each.copy() for each in self._drawn.values()]
         return dict(zip(self.fact_names, [*values, *self._flat_terms.copy(), *drawn], strict=True))
 
     def facts_of(self, i: int) -> dict[str, Any]:
         """Return the facts of episode i, numbers by name."""
         worlds, time = self.worlds, self.worlds.engine.time(i // self.worlds.agents)
-        sliding = worlds.sliding.item(i) if worlds.slid.item(i) >= 0.0 else np.nan
+        sliding = worlds.sliding.item(i) if self._slid.item(i) >= 0.0 else np.nan
         values = [time, self._progress.item(i), self._laps.item(i), sliding, self.clipped.item(i)]
         if worlds.cars > 1:
-            values += worlds.touches.item(i), worlds.positions.item(i), worlds.leads.item(i)
+            values += self._touches.item(i), *(each(worlds.engine)[worlds.rows].item(i) for each in (positions, leads))
         if worlds.contacts is not None:
-            values.append(worlds.contact_counts.item(i))
+            values.append(worlds.contacts.counts[worlds.rows].item(i))
         drawn = [each.item(i) for each in self._drawn.values()]
         return dict(zip(self.fact_names, [*values, *self._flat_terms[:, i].tolist(), *drawn], strict=True))
 

@@ -44,8 +44,6 @@ Ends = tuple[ArrayLike, ArrayLike]
 ACCELEROMETER_RANGE = 4.0
 """[g] The narrowest range that IMUs on such cars are commonly set to; the tires give little more than 1."""
 
-_OVERSHOOT = 1.25  # of spinning wheels over the greatest speed that can be commanded
-
 DEFAULT_OBSERVATIONS = ("scan", "speed", "yaw_rate", "steering_angle", "acceleration")
 
 _MADE = "or an ObservationTerm, as @observation makes it"

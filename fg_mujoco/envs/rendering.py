@@ -29,36 +29,12 @@ def usable_modes(modes: Sequence[str]) -> list[str]:
     return [mode for mode in modes if mode != "human" or can_open_window()]
 
 
-class ChaseView:
-    """Draws frames on the GPU, or on the CPU where there is none. The first frame opens the OpenGL context."""
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self._renderer: Renderer | None = None
-
-    def frame(self, data: mujoco.MjData) -> NDArray[np.uint8]:
-        """Return what is seen at a state whose poses are current. Shape (HEIGHT, WIDTH, 3).
-
-        Raises:
-          MissingExtraError: no OpenGL; the message has the command that installs it.
-        """
-        if self._renderer is None:
-            self._renderer = Renderer(self._world, size=(WIDTH, HEIGHT), quality="draft")
-        return self._renderer.rgb(data, "chase")
-
-    def close(self) -> None:
-        """Free the OpenGL context."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-
-
 class WorldViews:
     """Draws the worlds of an engine from behind their car 0, each as it is now, the World that it has now."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self._drawn: tuple[World, mujoco.MjData, ChaseView] | None = None
+        self._drawn: tuple[World, mujoco.MjData, Renderer] | None = None
 
     def frames(self, worlds: Sequence[int]) -> list[NDArray[np.uint8]]:
         """Return a frame (HEIGHT, WIDTH, 3) of each of some worlds; MissingExtraError: no OpenGL."""
@@ -67,10 +43,11 @@ class WorldViews:
             world = self._engine.world_of(i)
             if self._drawn is None or self._drawn[0] is not world:
                 self.close()
-                self._drawn = world, mujoco.MjData(world.model), ChaseView(world)
-            _, data, view = self._drawn
+                drawn = Renderer(world, size=(WIDTH, HEIGHT), quality="draft")
+                self._drawn = world, mujoco.MjData(world.model), drawn
+            _, data, renderer = self._drawn
             self._engine.read(i, data)
-            found[i] = view.frame(data)
+            found[i] = renderer.rgb(data, "chase")
         return [found[i] for i in worlds]
 
     def close(self) -> None:

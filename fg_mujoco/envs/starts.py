@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ..errors import SettingsError, accepted_names
+from ..errors import SettingsError
 from ..racing.entries import check_starts, grid_starts
-from ..simulation.settings import Start, as_part
+from ..simulation.settings import Start
 from ..simulation.world import World
 
 GRID_ORDERS = ("as_listed", "reversed", "random")
@@ -22,18 +21,6 @@ def draw_start(world: World, rng: np.random.Generator) -> Start:
     """Return a random standing start, clear of obstacles, of a scene its own; SettingsError: obstacles everywhere."""
     s, offset, heading = world.track.draw_start(rng, world.parameters, world.obstacles)
     return Start(s=s, offset=offset, heading=heading)
-
-
-def given_start(options: Mapping[str, Any] | None) -> Start | None:
-    """Return the start of the options of a reset, {"start": {"s": 3.0, "speed": 1.0}}; None: they have none.
-
-    Raises:
-      SettingsError: an unknown option, or one that is not a start.
-    """
-    for name in sorted(set(options or ()) - {"start"}):
-        raise SettingsError(f"reset has no option {name!r}; {accepted_names(name, ['start'])}")
-    start = (options or {}).get("start")
-    return None if start is None else as_part(start, Start, "start")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from .contacts import Contacts
 from .environment_opponents import Opponents
 from .environment_settings import EnvironmentSettings
 from .episode_draws import EpisodeDraw, EpisodeDraws
-from .tick_state import SensedState, TickState, TickStates, leads, positions
+from .tick_state import SensedState, TickState, TickStates
 
 Mask = NDArray[np.bool_]
 
@@ -117,34 +117,6 @@ class Worlds:
         """Readings of the sensors of each agent, by their names."""
         engine = self.engine
         return [engine.readings(row) for row in range(len(engine.commands))[self.rows]] if self._sensors[0] else []
-
-    @property
-    def slid(self) -> FloatArray:
-        """How fast tires of each agent slid at most since the beginning [m/s]; NaN: they have no peak. Shape (a,)."""
-        slid: FloatArray = self.engine.statistics["max_slide"][self.rows]
-        return slid
-
-    @property
-    def touches(self) -> NDArray[np.int64]:
-        """How often each agent has touched another car since the beginning. Shape (a,)."""
-        touches: NDArray[np.int64] = self.engine.statistics["touches"][self.rows]
-        return touches
-
-    @property
-    def contact_counts(self) -> NDArray[np.int64]:
-        """How often each agent has touched a wall or an obstacle, where that ends nothing. Shape (a,)."""
-        assert self.contacts is not None
-        return self.contacts.counts[self.rows]
-
-    @property
-    def positions(self) -> NDArray[np.int64]:
-        """Position of each agent among the cars of its world, 1 in front. Shape (a,)."""
-        return positions(self.engine)[self.rows]
-
-    @property
-    def leads(self) -> FloatArray:
-        """How far each agent is ahead of the foremost other car, negative behind it. Shape (a,) [m]."""
-        return leads(self.engine)[self.rows]
 
     @property
     def randomization(self) -> Randomization:

@@ -131,14 +131,9 @@ def _reached(start: float, limit: float, acceleration: Callable[[float], float],
     return low
 
 
-def step_times(line: Line, speeds: FloatArray) -> FloatArray:
-    """Return how long each step takes, at even acceleration. Shape (n,) [s]."""
-    return np.asarray(2.0 * line.steps / (speeds + np.roll(speeds, -1)))
-
-
 def lap_time(line: Line, speeds: FloatArray) -> float:
-    """Return how long a lap takes at speeds (n,) [m/s] [s]."""
-    return float(step_times(line, speeds).sum())
+    """Return how long a lap takes at speeds (n,) [m/s], at even acceleration in each step [s]."""
+    return float(np.asarray(2.0 * line.steps / (speeds + np.roll(speeds, -1))).sum())
 
 
 def smooth_line(points: FloatArray, tolerance: float, spacing: float = _SPACING) -> Line:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..messages import Controller, DriveCommand, LaserScan, Odometry, PlannerContext
+from ..messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, PlannerContext
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..racing.entries import Entry
@@ -22,7 +23,6 @@ from ..racing.result import CarResult
 from ..racing.setup import Setup
 from ..vehicle.tire_slip import share_text
 from .experiment import ONE_SET, Cell, Experiment, LabSettings, Row, Section, number
-from .lap_line import best_flying_lap, driven_lap
 from .lap_time_bound import PointMass, fastest_speeds, lap_time, smooth_line
 from .speed_laws import DEFAULT_LAW, SpeedLaw
 
@@ -73,6 +73,34 @@ def drive_laps(settings: LabSettings, track: str, mu: float, told: float, laps: 
     return result.car, result.world.car
 
 
+def best_flying_lap(laps: CarResult) -> int:
+    """Return the number of the fastest lap, except the first, which is from a standing start."""
+    return 2 + int(np.argmin(laps.lap_times_s[1:]))
+
+
+def driven_lap(laps: CarResult, lap: int, car: CarParameters) -> FloatArray:
+    """Return the centre of gravity at each tick of a lap, from 2 on, as a closed line. Shape (n, 2) [m].
+
+    A lap ends some millimetres beside where it began: that gap is spread over the lap.
+    """
+    heading = laps.column("heading_rad")
+    ahead = np.stack((np.cos(heading), np.sin(heading)))
+    points = (np.stack((laps.column("x_m"), laps.column("y_m"))) + car.rear_axle_distance * ahead).T
+    rows = np.flatnonzero(laps.column("lap") == lap)
+    before = points[rows[0] - 2 : rows[0] + 1]  # across the start line, a lap ago
+    last = points[rows[-1]]
+    feet = [_foot(last, start, end) for start, end in pairwise(before)]
+    gap = last - min(feet, key=lambda foot: float(np.hypot(*(last - foot))))
+    return np.asarray(points[rows] - np.linspace(0.0, 1.0, len(rows))[:, np.newaxis] * gap)
+
+
+def _foot(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the place of a segment that is nearest to a point. Shape (2,) [m]."""
+    along = end - start
+    share = float(np.clip((point - start) @ along / (along @ along), 0.0, 1.0))
+    return np.asarray(start + share * along)
+
+
 def _row(own: CarResult, laps: int) -> Row:
     flying = own.lap_times_s[1:]
     return {
@@ -103,7 +131,7 @@ class Laps:
         if len(own.lap_times_s) < 2:
             return [row | {"reason": f"no flying lap: {own.end_reason}"}]
         limits = PointMass(mu=told, car=car.parameters, max_speed=own.speed_limit_m_s)
-        line = smooth_line(driven_lap(own, best_flying_lap(own), car.parameters).points, TOLERANCE)
+        line = smooth_line(driven_lap(own, best_flying_lap(own), car.parameters), TOLERANCE)
         bound = lap_time(line, fastest_speeds(line, limits))
         return [row | {"bound_s": bound, "ratio": number(row, "best_lap_s") / bound, "reason": ""}]
 

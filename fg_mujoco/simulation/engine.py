@@ -280,7 +280,7 @@ class Engine(Uncopied):
         self.monitor.running[row], self.monitor.timers["progress"][row] = False, -math.inf
 
     def floor_friction(self) -> FloatArray:
-        """Return what world 0's tires have on the floor in each step of a tick (substeps, 4), or without patches (1, 4).
+        """Return what world 0's tires have on the floor in each step of a tick (substeps, 4), or (1, 4).
         """
         floor = self._batches[0].floor
         return floor.mu[:, 0].copy() if floor.mu.size else self._arrays.mu[:1].copy()
@@ -486,8 +486,8 @@ class Engine(Uncopied):
     def tick(self, *, clock: Clock | None = None, history: Keeper | None = None, most: int = 1) -> Mask:
         """Sense, decide, drive and judge; return which cars were driven, (r,).
 
-        That is one compiled call for worlds of one car, where planners are compiled and nothing happens in Python: hooks,
-        effects of the LiDAR, sensors, drift of the odometry.
+        That is one compiled call for worlds of one car, where planners are compiled and there are no hooks, no effects
+        of the LiDAR, no sensors and no drift of the odometry, which happen in Python.
 
         Args:
           clock: called with the time of each decision; where it raises, the cars stay as they are.
@@ -524,8 +524,7 @@ class Engine(Uncopied):
         return self._calls
 
     def _tick_at_once(self, calls: Calls, clock: Clock | None, history: Keeper | None, most: int) -> bool:
-        """Do up to `most` ticks in one compiled call; False: planners failed in the only one, whose rest is to be done.
-        """
+        """Do up to `most` ticks in one compiled call; False: planners failed in the only one, whose rest is left."""
         planners = self.planners
         assert isinstance(planners, BatchPlanners)
         self._driven[:] = self.running

@@ -16,7 +16,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arguments import explain_class
 from ..compiled.kernels import kernel
@@ -24,8 +23,7 @@ from ..course.obstacles import Box
 from ..course.track import Track
 from ..errors import SettingsError
 from ..messages import FloatArray, require, shown
-from .car import WHEELS, Car, element_id
-from .motion import planar_pose
+from .car import WHEELS, element_id
 
 PREFIX = "patch_"
 """Of the names of the sites, and of the numbers that hold their friction."""
@@ -61,13 +59,6 @@ class Patch:
         """Counterclockwise. Shape (4, 2) [m]."""
         return Box(x=self.x, y=self.y, length=self.length, width=self.width, heading=self.heading).corners()
 
-    def covers(self, points: FloatArray) -> NDArray[np.bool_]:
-        """Say which points (n, 2) [m] are on it. Shape (n,)."""
-        away_x, away_y = points[:, 0] - self.x, points[:, 1] - self.y
-        cos, sin = math.cos(self.heading), math.sin(self.heading)
-        along, across = cos * away_x + sin * away_y, cos * away_y - sin * away_x
-        return np.asarray((np.abs(along) <= 0.5 * self.length) & (np.abs(across) <= 0.5 * self.width))
-
 
 def require_patches(patches: Any) -> tuple[Patch, ...]:
     """Return patches as a tuple; SettingsError: this is no sequence of Patch."""
@@ -91,51 +82,6 @@ def add_patches(spec: Any, patches: Sequence[Patch]) -> None:
             size=(0.5 * patch.length, 0.5 * patch.width, _HALF_THICKNESS),
         )  # fmt: skip
         spec.add_numeric(name=name, data=[patch.mu])
-
-
-class PatchedFloor:
-    """Gives each tire of a car the friction of the floor that it is on; of the model `contact`.
-
-    Args:
-      model: compiled from a spec that `add_patches` was called with, or from its XML. `apply` writes to it: it must not
-        be shared with another simulation.
-
-    Attributes:
-      patches: as they are in the model.
-      mu: what the tires' pairs have now [-], (4,).
-
-    Raises:
-      ModelError: the model does not hold the car under this prefix.
-    """
-
-    def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
-        self._model = model
-        self.patches = read_patches(model)
-        self._pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
-        self._ground_mu: FloatArray = model.pair_friction[self._pairs, 0].copy()
-        self.mu = self._ground_mu
-        self._car = Car(model, prefix).constants
-        self._wheels = wheel_positions(model, prefix)
-        reach = float(np.hypot(*self._wheels.T).max())
-        self._patches = [
-            (p.x, p.y, (0.5 * math.hypot(p.length, p.width) + reach) ** 2, p) for p in self.patches
-        ]  # with the square of how far the car may be for a wheel to be on it [m^2]
-
-    def apply(self, qpos: FloatArray) -> None:
-        """Write to the model what the tires have at the positions `qpos` (nq,); call it before each physics step."""
-        x, y, heading = planar_pose(qpos, self._car)
-        mu = self._ground_mu
-        near = [patch for at_x, at_y, far, patch in self._patches if (x - at_x) ** 2 + (y - at_y) ** 2 <= far]
-        if near:
-            cos, sin = math.cos(heading), math.sin(heading)
-            wheels = self._wheels @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
-            mu = mu.copy()
-            for patch in near:
-                mu[patch.covers(wheels)] = patch.mu
-        if mu is not self.mu and (mu != self.mu).any():
-            self._model.pair_friction[self._pairs, 0] = mu
-            self._model.pair_friction[self._pairs, 1] = mu
-        self.mu = mu
 
 
 def read_patches(model: mujoco.MjModel) -> tuple[Patch, ...]:

@@ -10,24 +10,31 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches
+from fg_mujoco.vehicle.friction_patches import (
+    Patch,
+    add_patches,
+    look_at_floor,
+    patch_table,
+    random_patches,
+    wheel_positions,
+)
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 
-def floor_under(x, y, heading, *patches):
-    """Put a car on a floor; return the frictions of its tires' pairs (4,), and the middles of its wheels (4, 2)."""
-    spec = Vehicle.load().spec(tires=Tires())
+def model_with(tires, *patches):
+    """Return a car's compiled model on a floor, and what tells its tires' frictions (4,) where it stands now."""
+    spec = Vehicle.load().spec(tires=tires)
     add_patches(spec, patches)
     model = spec.compile()
-    data, floor = mujoco.MjData(model), PatchedFloor(model)
-    Car(model).set_pose(data, x, y, heading)
-    floor.apply(data.qpos)
-    pairs = [model.pair(f"{wheel}_tire").id for wheel in WHEELS]
-    assert (model.pair_friction[pairs, 0] == model.pair_friction[pairs, 1]).all()
-    assert (model.pair_friction[pairs, 0] == floor.mu).all()
-    return floor.mu, np.array([data.body(f"{wheel}_wheel").xpos[:2] for wheel in WHEELS])
+    car, wheels, table, under = Car(model), wheel_positions(model, ""), patch_table(model), np.empty(4)
+
+    def look(data):
+        look_at_floor(*car.pose(data), wheels, table, np.full(4, car.mu), under)
+        return under
+
+    return model, car, look
 
 
 def is_inside(point, patch):
@@ -45,26 +52,26 @@ def is_inside(point, patch):
 )  # fmt: skip
 def test_each_tire_has_the_friction_of_what_is_under_its_wheel(x, y, heading, turned, length, width):
     patch = Patch(x=0.0, y=0.0, length=length, width=width, heading=turned, mu=0.4)
-    mu, wheels = floor_under(x, y, heading, patch)
-    assert mu.tolist() == [0.4 if is_inside(wheel, patch) else Vehicle.load().greatest_mu() for wheel in wheels]
+    model, car, look = model_with(Tires(), patch)
+    data = mujoco.MjData(model)
+    car.set_pose(data, x, y, heading)
+    wheels = [data.body(f"{wheel}_wheel").xpos[:2] for wheel in WHEELS]
+    assert look(data).tolist() == [0.4 if is_inside(wheel, patch) else car.mu for wheel in wheels]
 
 
 @each("mu", [0.2, 0.7])
 def test_friction_that_acts_on_a_patch_is_the_one_asked_for(mu):
     """A car put sideways on it slows by mu g: no wheel can roll away from that."""
     patch = Patch(x=0.0, y=0.0, length=40.0, width=40.0, mu=mu)
-    spec = Vehicle.load().spec(tires=Tires.load("coulomb"))
-    add_patches(spec, [patch])
-    model = spec.compile()
-    data, floor, forces, car = mujoco.MjData(model), PatchedFloor(model), TireForces(model), Car(model)
+    model, car, look = model_with(Tires.load("coulomb"), patch)
+    data, forces = mujoco.MjData(model), TireForces(model)
     car.set_pose(data, 0.0, 0.0, 0.0)
     forces.begin(data)
     speeds = []
     for step in range(60 + round(2.4 / (9.81 * mu) / model.opt.timestep)):
         if step == 60:  # at rest on its springs
             data.qvel[1] = 3.0
-        floor.apply(data.qpos)
-        forces.mu[:] = floor.mu
+        forces.mu[:] = look(data)
         forces.step(data)
         mujoco.mj_subtreeVel(model, data)
         speeds.append(data.subtree_linvel[model.body("base_link").id, 1])
