@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -35,11 +36,10 @@ class ScanPipeline:
       SettingsError: motion distortion on the back end `rangefinder`, whose sensors MuJoCo fires all at once.
     """
 
-    def __init__(self, lidar: Lidar, effects: LidarEffects, rng: np.random.Generator) -> None:
-        self._lidar = lidar
-        self._effects = effects
-        self._rng = rng
-        self._tables = None if effects.errors is None else _tables(effects.errors, lidar.beams)
+    def __init__(self, lidar: Lidar, effects: LidarEffects, seed: int) -> None:
+        self._lidar, self._effects = lidar, effects
+        self._rows = EffectsOfRows(lidar.beams, 1)
+        self._rows.begin(0, replace(effects, latency=0.0), seed)
         self._held: deque[LaserScan] = deque(maxlen=effects.sweeps_late(lidar.beams.period) + 1)
         self._sweep: _Sweep | None = None
         if effects.motion_distortion:
@@ -58,33 +58,15 @@ class ScanPipeline:
 
     def scan(self, data: Any) -> LaserScan:
         """Measure at the present state of `data`, whose body poses must be current, and return the scan due now."""
-        beams = self._lidar.beams
+        beams, swept = self._lidar.beams, self._sweep is not None
         ranges = self._lidar.ranges(data) if self._sweep is None else self._sweep.ranges(data)
-        ranges = self._disturb(beams, ranges)
-        swept = self._sweep is not None
+        self._rows.apply(np.ones(1, np.bool_), ranges[np.newaxis])
         self._held.append(beams.to_scan(ranges, data.time, no_return=self._effects.no_return, swept=swept))
         return self._held[0]
 
-    def _disturb(self, beams: Beams, ranges: FloatArray) -> FloatArray:
-        if self._tables is not None:
-            noise, shares = self._rng.standard_normal(len(ranges)), self._rng.random(len(ranges))
-            effects, (knots, values) = self._effects, self._tables
-            own = effects.range_noise_std, effects.dropout_probability
-            return _misread(ranges, *own, noise, shares, knots, values, beams.range_min, beams.range_max)
-        if self._effects.range_noise_std > 0.0:
-            noisy = ranges + self._rng.normal(0.0, self._effects.range_noise_std, len(ranges))
-            ranges = beams.readings(noisy)
-        if self._effects.dropout_probability > 0.0:
-            failed = self._rng.random(len(ranges)) < self._effects.dropout_probability
-            ranges = np.where(failed, math.nan, ranges)
-        return ranges
-
 
 class EffectsOfRows:
-    """The effects of many LiDARs on the rows of their ranges, in place; without motion distortion.
-
-    Each row has the bits that a ScanPipeline gives, which costs more because it makes messages.
-    """
+    """The effects of many LiDARs on the rows of their ranges, in place; without motion distortion."""
 
     def __init__(self, beams: Beams, rows: int) -> None:
         self._beams, count = beams, len(beams.bearings)
@@ -142,20 +124,6 @@ class EffectsOfRows:
 def _tables(errors: Any, beams: Beams) -> tuple[FloatArray, FloatArray]:
     """Return the ranges (k,) [m] of measured errors, and noise, bias and dropout of each beam at them (n, k, 3)."""
     return np.array(errors.ranges), np.ascontiguousarray(errors.at(beams.bearings))
-
-
-@kernel
-def _misread(
-    ranges: FloatArray, deviation: float, dropout: float, noise: FloatArray, shares: FloatArray, knots: FloatArray,
-    values: FloatArray, range_min: float, range_max: float,
-) -> FloatArray:  # fmt: skip
-    """Return ranges (n,) [m] with errors by range and bearing, `values` (n, k, 3) at `knots` (k,), and those of all."""
-    readings = np.empty(len(ranges))
-    for beam in range(len(ranges)):
-        readings[beam] = _reading(
-            ranges[beam], deviation, dropout, noise[beam], shares[beam], knots, values[beam], range_min, range_max
-        )
-    return readings
 
 
 @kernel

@@ -1,22 +1,34 @@
-"""The visible surfaces of a model as flat arrays, prepared for the beams of one LiDAR: what `scanline.scan` draws."""
+"""The visible surfaces of a model as flat arrays, prepared for the beams of one LiDAR: what `scanline.scan` draws.
+
+The geoms are those that MuJoCo's rays see: not the transparent ones (alpha 0 of the material, or of the geom where it
+has no material; `show_as_drawn` makes that what pictures show), any group, both sides of a mesh or box, the front of a
+plane. Nothing of the kinematic tree that carries the LiDAR is seen.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ModelError
 from ..messages import FloatArray
 from .beams import Beams
 from .clusters import make_clusters
-from .surfaces import Plane, Surfaces, visible_surfaces
+from .round_shapes import SHAPE, is_shape, shape_row
 
 BINS = 64  # of distance, into which a scan sorts the clusters
 NO_END = 1e300  # [m] half-size of a plane without end
 _LEAST_STEP = 1e-4  # [rad] between beams, so that culling.bearing tells which two a point is between
 _IN_PLANE = 1e-12  # of directions [-] and origins [m]
+
+# Corners of the box of half-sizes 1, and its sides as triangles.
+_BOX_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+_BOX_SIDES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+_BOX_TRIANGLES = np.concatenate((_BOX_SIDES[:, [0, 1, 2]], _BOX_SIDES[:, [0, 2, 3]])).astype(np.int32)
 
 
 class SceneArrays(NamedTuple):
@@ -63,10 +75,9 @@ class ScanlineScene:
     """
 
     def __init__(self, model: Any, beams: Beams, carrier: int | None) -> None:
-        surfaces = visible_surfaces(model, carrier)
+        surfaces = _surfaces(model, carrier)
         self.moving = tuple(part.body for part in surfaces[1:])
         clusters = [make_clusters(part.vertices, part.triangles) for part in surfaces]
-        planes = [_plane_row(plane) for part in surfaces for plane in part.planes]
         spans, frames = [], []
         edge = triangle = cluster = plane = shape = 0
         for frame, (part, own) in enumerate(zip(surfaces, clusters, strict=True)):
@@ -83,7 +94,7 @@ class ScanlineScene:
             triangles=_fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
             boxes=_fixed(np.concatenate([own.boxes for own in clusters], axis=1)),
             spans=_fixed(np.concatenate(spans), np.int32),
-            planes=_fixed(np.reshape(planes, (-1, 14))),
+            planes=_fixed(np.concatenate([part.planes for part in surfaces])),
             frames=_fixed(frames, np.int32),
             shapes=_fixed(np.concatenate([part.shapes for part in surfaces])),
             spheres=_fixed([_sphere_around(part) for part in surfaces]),
@@ -115,9 +126,9 @@ def is_scanline(beams: Beams) -> bool:
     )
 
 
-def _sphere_around(part: Surfaces) -> FloatArray:
+def _sphere_around(part: _Surfaces) -> FloatArray:
     """Return centre and radius of a sphere around the surfaces of a body [m]. Shape (4,)."""
-    if part.body == 0 or part.planes:
+    if part.body == 0 or len(part.planes):
         return np.array((0.0, 0.0, 0.0, NO_END))
     centres = np.concatenate((part.vertices, part.shapes[:, 4:7]))
     radii = np.concatenate((np.zeros(len(part.vertices)), part.shapes[:, -1]))
@@ -126,9 +137,79 @@ def _sphere_around(part: Surfaces) -> FloatArray:
     return np.append(centre, radius * (1.0 + 1e-9) + 1e-9)
 
 
-def _plane_row(plane: Plane) -> FloatArray:
-    half_sizes = np.where(plane.half_sizes > 0.0, plane.half_sizes, NO_END)
-    return np.concatenate((plane.position, plane.rotation.ravel(), half_sizes))
+class _Surfaces(NamedTuple):
+    """Surfaces that keep their places in the frame of one body."""
+
+    body: int  # id of the body; 0, the world, for all that never moves
+    vertices: FloatArray  # (v, 3) [m]
+    triangles: NDArray[np.int32]  # (t, 3) indices of vertices
+    planes: FloatArray  # (p, 14) as of SceneArrays
+    shapes: FloatArray  # (k, SHAPE)
+
+
+def _surfaces(model: Any, carrier: int | None) -> list[_Surfaces]:
+    """Return the surfaces that rays meet, by body: the world's first, as it is now, then those that move."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    found: dict[int, tuple[list[Any], list[Any], list[Any], list[Any]]] = {0: ([], [], [], [])}
+    for geom in _visible_geoms(model, carrier):
+        body = int(model.body_weldid[model.geom_bodyid[geom]])  # 0 for all that never moves
+        vertices, triangles, planes, shapes = found.setdefault(body, ([], [], [], []))
+        to_body, kind = data.xmat[body].reshape(3, 3).T, int(model.geom_type[geom])
+        position = to_body @ (data.geom_xpos[geom] - data.xpos[body])
+        rotation = to_body @ data.geom_xmat[geom].reshape(3, 3)
+        if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+            half_sizes = np.where(model.geom_size[geom, :2] > 0.0, model.geom_size[geom, :2], NO_END)
+            planes.append(np.concatenate((position, rotation.ravel(), half_sizes)))
+        elif is_shape(kind):
+            shapes.append(shape_row(kind, model.geom_size[geom], position, rotation))
+        else:
+            own, corners = _geom_triangles(model, geom)
+            vertices.append(position + own @ rotation.T)
+            triangles.append(corners)
+    parts = []
+    for body, (vertices, triangles, planes, shapes) in sorted(found.items()):
+        starts = np.cumsum([0, *map(len, vertices)])
+        joined = [corners + start for corners, start in zip(triangles, starts, strict=False)]
+        parts.append(_Surfaces(
+            body, np.concatenate([np.empty((0, 3)), *vertices]),
+            np.concatenate([np.empty((0, 3), np.int32), *joined]).astype(np.int32),
+            np.reshape(planes, (-1, 14)), np.reshape(shapes, (-1, SHAPE)),
+        ))  # fmt: skip
+    return parts
+
+
+def _visible_geoms(model: Any, carrier: int | None) -> list[int]:
+    if model.nflex:
+        raise ModelError(
+            f"the model has {model.nflex} flex objects, which the LiDAR back end 'raycast' cannot see; accepted: none, "
+            "or the back end 'rangefinder'"
+        )
+    roots = model.body_rootid[model.geom_bodyid]
+    own = np.zeros(len(roots), np.bool_) if carrier is None else roots == model.body_rootid[carrier]
+    alpha = model.geom_rgba[:, 3].copy()
+    with_material = model.geom_matid >= 0
+    alpha[with_material] = model.mat_rgba[model.geom_matid[with_material], 3]
+    return [int(geom) for geom in np.flatnonzero((alpha != 0.0) & ~own)]
+
+
+def _geom_triangles(model: Any, geom: int) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Vertices (v, 3) [m] in the geom's frame, and triangles (t, 3) of them."""
+    kind = mujoco.mjtGeom(model.geom_type[geom])
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return _BOX_CORNERS * model.geom_size[geom], _BOX_TRIANGLES
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        vertices = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
+        faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+        return model.mesh_vert[vertices].astype(np.float64), model.mesh_face[faces]
+    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
+    body = model.body(int(model.geom_bodyid[geom])).name
+    raise ModelError(
+        f"geom {name or geom} of body {body!r} is a {kind.name.removeprefix('mjGEOM_').lower()}, which the LiDAR back "
+        "end 'raycast' cannot see; accepted: mesh, box, plane, sphere, capsule, ellipsoid, cylinder, alpha 0, or the "
+        "back end 'rangefinder'"
+    )
 
 
 def _fixed(values: Any, kind: Any = np.float64) -> Any:

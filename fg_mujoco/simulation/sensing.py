@@ -140,9 +140,7 @@ class Sensing:
         engine = self._engine
         i, car = divmod(row, engine.cars_per_world)
         distorted = engine._place_of(i)[0].lidar(car) if effects.motion_distortion else None
-        return ScanPipeline(
-            distorted or _RangesRow(engine.beams, engine.ranges[row]), effects, np.random.default_rng(seed)
-        )  # fmt: skip
+        return ScanPipeline(distorted or _RangesRow(engine.beams, engine.ranges[row]), effects, seed)
 
     def _data_of(self, i: int, pipeline: ScanPipeline | None = None) -> Any:
         """Return the data that a LiDAR in Python measures in, of world i; a pipeline without bodies needs its time."""

@@ -27,7 +27,7 @@ class Rig:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.lidar = make_lidar("raycast", self.model, PREFIX)
-        self.pipeline = ScanPipeline(self.lidar, effects, np.random.default_rng(seed))
+        self.pipeline = ScanPipeline(self.lidar, effects, seed)
         self.pose = pose or (lambda time: (0.0, 0.0, 0.0))
         self.move(0.0)
         mujoco.mj_kinematics(self.model, self.data)
@@ -171,18 +171,26 @@ def test_noise_is_added_to_ranges_and_held_between_zero_and_range_max():
     assert noise.tolist() == [3.0 + 0.01 * 1.0, 10.0, 0.0, 0.0, 10.0]
 
 
-@each("settings", [{}, {"latency": 0.05}, {"no_return": "range_max", "dropout_probability": 0.0}])
-def test_effects_on_a_row_have_the_bits_of_the_scans(settings):
+def by_numpy(beams, effects, seed, sweeps):
+    """Oracle: what is delivered after each sweep, by numpy's own generator."""
+    rng, held, late = np.random.default_rng(seed), [], effects.sweeps_late(beams.period)
+    for ranges in sweeps:
+        ranges = beams.readings(ranges + rng.normal(0.0, effects.range_noise_std, len(ranges)))
+        ranges[rng.random(len(ranges)) < effects.dropout_probability] = math.nan
+        ranges[ranges == math.inf] = beams.range_max if effects.no_return == "range_max" else math.inf
+        held.append(ranges)
+        yield held[max(len(held) - 1 - late, 0)]
+
+
+@each("settings", [{}, {"latency": 0.05}, {"no_return": "range_max"}])
+def test_effects_on_a_row_have_the_bits_of_numpys_numbers(settings):
     effects = LidarEffects(**{"range_noise_std": 0.3, "dropout_probability": 0.1} | settings)
     beams, rng = LidarModel.load().beams, np.random.default_rng(1)
-    measured = rng.uniform(-0.1, 1.1, (4, len(beams.bearings))) * beams.range_max
-    row = np.zeros(len(beams.bearings))
-    lidar = type("Measured", (), {"beams": beams, "ranges": lambda self, data: row.copy()})()
-    pipeline, rows = ScanPipeline(lidar, effects, np.random.default_rng(2)), np.zeros((3, len(row)))
-    of_rows = EffectsOfRows(beams, 3)
+    sweeps = [beams.readings(each) for each in rng.uniform(-0.1, 1.1, (4, len(beams.bearings))) * beams.range_max]
+    of_rows, rows = EffectsOfRows(beams, 3), np.zeros((3, len(beams.bearings)))
     of_rows.begin(1, effects, 2)
-    for tick, ranges in enumerate(measured):
-        rows[:] = row[:] = beams.readings(ranges)
+    for ranges, due in zip(sweeps, by_numpy(beams, effects, 2, sweeps), strict=True):
+        rows[:] = ranges
         of_rows.apply(np.array([True, True, False]), rows)
-        assert pipeline.scan(type("Data", (), {"time": 0.025 * tick})).ranges.tobytes() == rows[1].tobytes()
-        assert rows[0].tobytes() == row.tobytes()
+        assert rows[1].tobytes() == due.tobytes()
+        assert rows[0].tobytes() == ranges.tobytes()
