@@ -6,10 +6,11 @@ torn bag, a policy that does not fit or a peer that misbehaves, stands in the fi
 """
 
 import dataclasses
-import importlib
+import importlib.util
 import math
 import pkgutil
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,19 +22,29 @@ from cases import each
 from comparison_worlds import SUITE
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.arena.race_control.fault import Approach
+from fg_mujoco.addons.arena.random_courses.generator import GeneratorSettings
 from fg_mujoco.addons.arena.runs.checks import CHECKS
 from fg_mujoco.addons.arena.runs.duels import Duels
+from fg_mujoco.addons.arena.tight_courses.tight import TightSettings
 from fg_mujoco.addons.gym2d import gym_config
+from fg_mujoco.addons.learn.dataset import require_minari
+from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
+from fg_mujoco.addons.learn.ray_cluster import require_ray
 from fg_mujoco.addons.learn.residual import Residual
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
+from fg_mujoco.addons.look.live.browser import require_viser
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.realcar.floors import Floor
+from fg_mujoco.addons.realcar.identification.fit import require_scipy
 from fg_mujoco.addons.realcar.measured_errors import MeasuredErrors
 from fg_mujoco.addons.ros.bag_frames import rotation as rotation_of
+from fg_mujoco.addons.ros.bag_messages import require_ros_extra
 from fg_mujoco.addons.ros.bag_scans import Mount, to_scan
 from fg_mujoco.addons.servers.autodrive.devkit import split_address
+from fg_mujoco.addons.servers.ros2.participant import require_cyclonedds
 from fg_mujoco.course.maps.export import export_tracks
 from fg_mujoco.envs.gym_environment import F1TenthEnv
-from fg_mujoco.errors import FgMujocoError
+from fg_mujoco.errors import FgMujocoError, install_command
 from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
@@ -53,7 +64,7 @@ JUDGED_LATER = {(Residual, "planner"), (Duels, "speed")}
 def classes_that_validate():
     found = dict(GIVEN)
     for module in pkgutil.walk_packages(fg_mujoco.addons.__path__, "fg_mujoco.addons."):
-        if ".drivers" not in module.name and not module.name.endswith(("__main__", "spawned")):
+        if not module.name.endswith(("__main__", "spawned")):
             try:
                 kinds = vars(importlib.import_module(module.name)).values()
             except (ImportError, FgMujocoError):  # what it needs is not installed
@@ -76,6 +87,7 @@ def test_a_value_that_no_field_can_have_is_refused_by_name(kind):
     for field in dataclasses.fields(kind):
         numeric = re.search(r"\b(float|int)\b", str(field.type)) and "tuple" not in str(field.type)
         words = () if field.type == "str" else ("no such word",)
+        words += (-1.0,) if ".drivers" in kind.__module__ and kind.__name__.endswith("Settings") else ()
         for value in (math.nan, *words, *((True, [], {}, np.zeros(3)) if numeric else ())):
             if field.init and (kind, field.name) not in JUDGED_LATER:
                 with pytest.raises(FgMujocoError, match=rf"{field.name}.*accepted: ") as refusal:
@@ -267,6 +279,8 @@ CALLS = [
     # arena
     *((ControllerChoice.of, text, "") for text in ("f[", "f[]", "f]", "[a=1]", "f[a]", "f[a=1,a=2]", "f[a=1:2]",
                                                    "f[a=1|2]", "f[a=]", "f[a=1]x", "")),
+    (GeneratorSettings, {"min_length": 300.0}, "min_length is 300.0 m; accepted: at most max_length, 200.0 m"),
+    (TightSettings, {"max_gap": 0.5}, "accepted: at most max_gap"),
     (compare, {"controller": []}, "no planner is given"),
     (compare, {"controller": ["gap_finder"] * 2}, "planner gap_finder is given twice"),
     (compare, {"controller": ["nobody"]}, "'nobody' is not known"),
@@ -326,6 +340,10 @@ CALLS = [
         ({"planner": BASE, "spede": 1.0}, "did you mean 'speed'?"))),
     *((train, {name: given}, f"a training has no setting {name!r}; {name!r} is gone; instead:")
       for name, given in (("estimate", ("mu",)), ("self_play", {"share": 0.5}))),
+    # look
+    *((lambda **given: LiveSession(Setup.of(**given)), given, said) for given, said in (
+        ({"controller": "gap_finder[lookahead=6]", "planner_settings": {"lookahead": 6.0}}, "and in planner_settings"),
+        ({"start": fg.Start(offset=1.1)}, "the car does not fit on "))),
     # realcar
     (Setup.of, {"floor": "ipz9"}, "did you mean 'ipz8'"),
     (Setup.of, {"floor": 3}, "floor is 3; accepted: a bundled name"),
@@ -358,3 +376,27 @@ def test_a_call_is_refused_in_a_line(call, given, said, here):
         call(**given) if isinstance(given, dict) else call(given)
     assert said or "accepted: " in str(refusal.value)
     assert "\n" not in str(refusal.value) and not list(here.iterdir())
+
+
+# -- what is not installed
+
+
+@each(
+    ("require", "extra", "what"),
+    [
+        (require_viser, "live", "the live view in a browser needs viser"),
+        (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
+        (require_cyclonedds, "ros2", "a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy"),
+        (require_scipy, "ros", "identification needs SciPy"),
+        (require_ray, "cluster", "rollouts on a cluster need Ray"),
+        (require_onnxruntime, "policies", "policies in ONNX files need onnxruntime"),
+        (require_onnx, "train", "writing ONNX files needs onnx"),
+        (require_minari, "datasets", "Minari datasets need Minari"),
+    ],
+)
+def test_a_missing_extra_is_named_with_what_needs_it(require, extra, what, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, package=None: None)
+    with pytest.raises(fg.MissingExtraError) as missing:
+        require()
+    assert str(missing.value) == f"{what}: {install_command(extra)}"
+    assert f"\n{extra} = [" in (Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8")

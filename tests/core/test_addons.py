@@ -3,9 +3,9 @@
 import ast
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
-import fg_mujoco.addons
 from cases import each
 from fg_mujoco import from_addons
 from fg_mujoco.from_addons import PLACES
@@ -59,7 +59,7 @@ def test_a_race_is_told_and_written_where_the_page_cannot_be_made(tmp_path):
 def test_what_the_tables_name_is_there(table):
     for name, place in added(table).items():
         module, _, attribute = place.removeprefix(f"{ADDONS}.").partition(":")
-        base = Path(fg_mujoco.addons.__file__).parent.joinpath(*module.split("."))
+        base = Path(find_spec(ADDONS).origin).parent.joinpath(*module.split("."))
         path = base.with_suffix(".py") if base.with_suffix(".py").exists() else base / "__init__.py"
         defined = {
             each

@@ -10,7 +10,6 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons import gym2d
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
 from fg_mujoco.envs.actions import ActionBounds
 from fg_mujoco.envs.observation_description import DEFAULT_OBSERVATION
@@ -150,10 +149,6 @@ FACES = {  # how it is made, what a reset and a step return
         lambda: pytest.importorskip("fg_mujoco.envs.dm_environment").load("oval", seed=1, beam_step=60),
         lambda env: env.reset().observation, lambda env, action: env.step(action).observation,
     ),
-    "f110": (
-        lambda: gym2d.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20),
-        lambda env: env.reset(np.zeros((1, 3)))[0], lambda env, action: env.step(action[np.newaxis])[0],
-    ),
 }  # fmt: skip
 
 
@@ -179,14 +174,11 @@ def test_a_copied_environment_is_a_new_one_that_drives_apart(face, how):
     assert not np.array_equal(all_numbers(own), all_numbers(moved))
 
 
-def test_a_copy_draws_from_the_ranges_and_drives_on_the_map_that_were_set_last():
+def test_a_copy_draws_from_the_ranges_that_were_set_last():
     env = F1TenthEnv(beam_step=60, randomize={"mu": (0.9, 1.0)})
     env.set_randomization({"mu": (0.4, 0.41)})
     copied = copy.deepcopy(env)
     assert copied.reset(seed=1)[1]["drawn_mu"] == env.reset(seed=1)[1]["drawn_mu"] < 0.42
-    gym = gym2d.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20)
-    gym.update_map("hairpins")
-    assert copy.deepcopy(gym).world.track.name == "hairpins"
 
 
 @each("how", [copy.copy, copy.deepcopy, pickle.dumps])

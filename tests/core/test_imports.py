@@ -93,6 +93,12 @@ def test_no_module_imports_from_above_by_name():
     assert [each for name in names for each in wrong(name, MODULES[name].read_text("utf-8"))] == []
 
 
+def test_no_test_of_the_core_imports_an_add_on():
+    words = re.compile(r"^\s*(from|import) fg_mujoco\.addons|^\s*from fg_mujoco import .*\baddons\b", re.MULTILINE)
+    tests = Path(__file__).parent.rglob("*.py")
+    assert [path.name for path in tests if words.search(path.read_text("utf-8"))] == []
+
+
 LOADS_NOTHING_OF = (
     "course.maps", "course.scenes", "addons.arena",
     "racing.crash", "racing.run_folder", "lidar.scan_pipeline", "addons.realcar",

@@ -12,13 +12,6 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.learn.dataset import require_minari
-from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
-from fg_mujoco.addons.learn.ray_cluster import require_ray
-from fg_mujoco.addons.look.live.browser import require_viser
-from fg_mujoco.addons.realcar.identification.fit import require_scipy
-from fg_mujoco.addons.ros.bag_messages import require_ros_extra
-from fg_mujoco.addons.servers.ros2.participant import require_cyclonedds
 from fg_mujoco.course.maps.export import require_trimesh
 from fg_mujoco.course.maps.map_server import require_maps_extra
 from fg_mujoco.errors import install_command
@@ -44,16 +37,8 @@ def bare(monkeypatch):
         (require_pillow, "render", "3D pictures and videos need Pillow and ffmpeg"),
         (require_encoder, "render", "videos need ffmpeg"),
         (require_bokeh, "report", "report pages need Bokeh"),
-        (require_viser, "live", "the live view in a browser needs viser"),
         (require_maps_extra, "maps", "ROS maps need Pillow, PyYAML, SciPy and scikit-image"),
         (require_trimesh, "meshes", "meshes of walls need trimesh"),
-        (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
-        (require_cyclonedds, "ros2", "a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy"),
-        (require_scipy, "ros", "identification needs SciPy"),
-        (require_ray, "cluster", "rollouts on a cluster need Ray"),
-        (require_onnxruntime, "policies", "policies in ONNX files need onnxruntime"),
-        (require_onnx, "train", "writing ONNX files needs onnx"),
-        (require_minari, "datasets", "Minari datasets need Minari"),
     ],
 )
 def test_a_missing_extra_is_named_with_what_needs_it(require, extra, what):

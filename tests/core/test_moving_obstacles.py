@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
 from hand_planners import driven
+from scene_search import corridor_walls
 
 TICK = 0.025
 ANYWHERE = st.floats(-20.0, 20.0)
@@ -20,7 +20,7 @@ def scene(*moving, width=4.0):
     """A straight corridor of 20 m, and in it what moves."""
     return fg.Scene(
         name="test", way=np.array([[-3.0, 0.0], [20.0, 0.0]]), start=3.0, goal=15.0, moving=moving, time_limit=40.0,
-        walls=walls_round(corridor(-4.0, 20.0, width)),
+        walls=corridor_walls(-4.0, 20.0, width),
     )  # fmt: skip
 
 

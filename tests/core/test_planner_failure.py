@@ -5,10 +5,8 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import read_failed_scan
-from fg_mujoco.racing.setup import Setup
 
 PLANNER = """import numpy as np
 import fg_mujoco as fg
@@ -167,15 +165,3 @@ def test_what_fails_before_the_race_has_its_line_and_is_refused(here, capsys, na
     assert main(["race", "--controller", f"mine.py:{name}", "--out", "run"]) == 2
     assert said in capsys.readouterr().err
     assert not (here / "run").exists()
-
-
-def test_the_live_view_pauses_and_says_so_until_the_reset():
-    session = LiveSession(Setup.of(track="oval", controller="mine.py:Late"))
-    for _ in range(30):
-        session.tick()
-    assert session.paused and session.simulation.time == pytest.approx(0.5)
-    assert "TypeError: Axis" in session.message and session.message.endswith("(mine.py, line 15)")
-    assert 'File "mine.py", line 15, in steer' in session.failure.traceback
-    session.reset()
-    session.tick()
-    assert (session.failure, session.message, session.simulation.time) == (None, "", 0.0)

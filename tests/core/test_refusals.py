@@ -16,14 +16,9 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-import fg_mujoco.addons.drivers
 import fg_mujoco.controllers
 from cases import each
 from conftest import Straight
-from fg_mujoco.addons.arena.random_courses.generator import GeneratorSettings
-from fg_mujoco.addons.arena.tight_courses.drivable import Footprint
-from fg_mujoco.addons.arena.tight_courses.tight import TightSettings
-from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
@@ -78,9 +73,8 @@ GIVEN = {
     fg.DriveCommand: {"steering_angle": 0.0, "speed": 1.0}, PlannerContext: {"car": CAR, "mu": MU, "max_speed": 8.0},
     CarParameters: dataclasses.asdict(CAR), MagicFormula: {"B": 10.0, "C": 1.6, "D": 1.1},
     **{kind: {"D": 1.0, "stiffness": 20.0} for kind in (Brush, Coulomb, Linear)},
-    **{kind: {} for kind in (Footprint, GeneratorSettings, TightSettings)},
 }  # fmt: skip
-"""What makes one of each class that cannot be made of nothing, and classes of add-ons."""
+"""What makes one of each class that cannot be made of nothing."""
 INNER = {"OpenGround", "Stage", "WorldCar", "Tires", "DriveSettings", "Scenario", "EnvironmentSettings"}  # or see below
 JUDGED_LATER = {"line", "controller", "track", "entries", "kind", "obstacles"}  # when it is used
 OF_PLANNERS_THEMSELVES = {"car", "seed", "map_line", "sensors", "lidar", "assist"}  # of PlannerContext
@@ -89,7 +83,7 @@ OF_PLANNERS_THEMSELVES = {"car", "seed", "map_line", "sensors", "lidar", "assist
 def classes_that_validate():
     """The classes of the package with a `__post_init__` that can be made of nothing, or of what is GIVEN."""
     found = dict(GIVEN)
-    for package in (fg, fg_mujoco.controllers, fg_mujoco.addons.drivers):
+    for package in (fg, fg_mujoco.controllers):
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             if (package is fg and ".addons" in module.name) or module.name.endswith("__main__"):
                 continue
@@ -107,9 +101,7 @@ CLASSES = classes_that_validate()
 def no_values_of(kind, field):
     """Values that a field cannot have, by its type."""
     numeric = re.search(r"\b(float|int)\b", str(field.type)) and "tuple" not in str(field.type)
-    at_least_0 = kind.__name__.endswith("Settings") and kind.__module__.startswith(
-        ("fg_mujoco.controllers", "fg_mujoco.addons.drivers")
-    )
+    at_least_0 = kind.__name__.endswith("Settings") and kind.__module__.startswith("fg_mujoco.controllers")
     return (math.nan, "no such word", *((True, [], {}, np.zeros(3)) if numeric else ()), *((-1.0,) * at_least_0))
 
 
@@ -139,8 +131,6 @@ def test_a_value_that_no_field_can_have_is_refused_by_name(kind):
         (fg.LidarEffects, {"latency": math.inf}, "latency is inf; accepted: 0 to 1 s"),
         (fg.CarChanges, {"command_delay": 0.5}, "command_delay is 0.5; accepted: 0 to 0.15 s"),
         (fg.Patch, {"mu": 0.0}, "Patch.mu is 0.0"),
-        (GeneratorSettings, {"min_length": 300.0}, "min_length is 300.0 m; accepted: at most max_length, 200.0 m"),
-        (TightSettings, {"max_gap": 0.5}, "accepted: at most max_gap"),
         (MANOEUVRES["circle"], {"radius": 0}, "Circle.radius is 0; accepted: a radius in metres other than 0"),
         (MANOEUVRES["slalom"], {"gates": 2.5}, "Slalom.gates is 2.5; accepted: a whole number from 3 to 1000"),
         (MANOEUVRES["sine_sweep"], {"high": 30}, "accepted: a frequency above low, 0.2 Hz, up to 10 Hz"),
@@ -364,7 +354,6 @@ CALLS = {
         (lambda: Setup.of(lidar_noise=0.1, effects=fg.LidarEffects()), "lidar_noise and effects are given"),
         (lambda: fg.race("oval", **IN_BRACKETS), "lookahead is given in the brackets of .* and in planner_settings"),
         (lambda: rollout(**IN_BRACKETS), "lookahead is given in the brackets of .* and in planner_settings"),
-        (lambda: LiveSession(Setup.of(**IN_BRACKETS)), "given in the brackets of .* and in planner_settings"),
         *((lambda f=fixed, d=drawn: rollout(randomize={d: (0.9, 1.0)}, **f), f"{drawn} is given for all worlds and in")
           for drawn, fixed in {
               "mu": {"mu": 0.8}, "mass": {"changes": fg.CarChanges(mass=4.0)}, "planner_mu": {"planner_mu": 1.0},
@@ -393,7 +382,6 @@ CALLS = {
         *((lambda b=size: fg.race("oval", obstacles=(fg.Box(x=0.0, y=0.0, length=b, width=b),)), "an obstacle")
           for size in (0.3, 1.6)),  # the car stands within the larger one and touches no side
         (lambda: rollout(start=NOT_ON_COURSE[0]), "the car does not fit on "),
-        (lambda: LiveSession(Setup.of(start=NOT_ON_COURSE[1])), "the car does not fit on "),
     ],
     "rollouts": [
         (lambda: rollout(n=None, seeds=[]), "seeds are not"),

@@ -26,7 +26,6 @@ import numpy as np
 import fg_mujoco as fg
 import fg_mujoco.vehicle.sensors
 from fg_mujoco.course.formats import CourseFormat
-from fg_mujoco.addons.arena.random_courses.generator import generate_track
 class Sonar(fg.vehicle.sensors.Sensor):
     columns = ("ahead_m",)
     def measure(self, car):
@@ -35,7 +34,7 @@ HERE = Path(__file__).parent
 LORRY, RUBBER, TEXT = HERE / "lorry.xml", HERE / "rubber.toml", "lorry.xml"
 SEEDS = CourseFormat(
     accepts=lambda text: text.endswith(".seed"),
-    load=lambda text, car: generate_track(int(Path(text).read_text())),
+    load=lambda text, car: fg.load_track(f"random:{Path(text).read_text().strip()}"),
     texts="a file of a .seed",
 )
 class Crawler:

@@ -4,14 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from matplotlib.path import Path
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
 from fg_mujoco.course.lap_timer import LapTimer
 from hand_planners import driven
-from scene_search import Clearances, disc_gets_through
+from scene_search import corridor_walls
 
 TICK = 0.025
 
@@ -20,7 +18,7 @@ def scene(**changes):
     """A corridor of 2 m, 20 m long, from its start at x = 0 to its goal at x = 12."""
     values = {
         "name": "test", "way": np.array([[-3.0, 0.0], [5.0, 0.0], [20.0, 0.0]]), "start": 3.0, "goal": 15.0,
-        "walls": walls_round(corridor(-4.0, 20.0, 2.0)), "time_limit": 30.0,
+        "walls": corridor_walls(-4.0, 20.0, 2.0), "time_limit": 30.0,
     }  # fmt: skip
     return fg.Scene(**values | changes)
 
@@ -50,22 +48,6 @@ def test_a_scene_that_cannot_be_raced_is_refused(changes):
         scene(**changes)
 
 
-def test_walls_stand_outside_of_their_room_and_meet_at_its_corners():
-    room = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (2.0, 3.0), (1.0, 1.0), (0.0, 3.0)])  # one corner juts in
-    walls = walls_round(room)
-    for wall, a, b in zip(walls, room, np.roll(room, -1, axis=0), strict=True):
-        along = (b - a) / math.dist(a, b)
-        corners = wall.corners() - a
-        aside = along[0] * corners[:, 1] - along[1] * corners[:, 0]
-        assert sorted(aside) == pytest.approx([-0.1, -0.1, 0.0, 0.0], abs=1e-12)
-        reach = corners @ along
-        assert reach.min() < 0.08 and reach.max() > math.dist(a, b) - 0.08  # cut off where the corner is sharp
-        pulled_back = wall.corners() + 1e-6 * (np.array([wall.x, wall.y]) - wall.corners())
-        assert not Path(room).contains_points(pulled_back).any()
-    field = Clearances(walls, (-0.5, -0.5), (4.5, 3.5), 0.01)
-    assert not disc_gets_through(field, (2.0, 0.5), (-0.4, -0.4), 0.01)
-
-
 # Its race
 
 
@@ -82,7 +64,7 @@ def test_finished_is_the_goal_passed():
 
 STOP = {
     "goal_is_to_stop": True,
-    "walls": walls_round(corridor(-4.0, 15.0, 2.0)),
+    "walls": corridor_walls(-4.0, 15.0, 2.0),
     "way": np.array([[-3.0, 0.0], [15.0, 0.0]]),
 }
 

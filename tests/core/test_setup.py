@@ -10,12 +10,9 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.gym2d.environment import simulator_of
-from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser
 from fg_mujoco.cli.options import setup_of
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.randomization import PARAMETERS
 from fg_mujoco.racing.setup import FIELD_OF, SETUP_KEYWORDS, Setup, SetupKeywords
@@ -108,72 +105,6 @@ def test_a_course_or_a_planner_that_is_an_object_counts_but_cannot_be_written():
     for setup in (Setup.of(fg.load_track("oval")), Setup.of(controller=planner)):
         with pytest.raises(fg.SettingsError, match="an object, in a file; accepted: a name, or the path of a file"):
             setup.described()
-
-
-# -- what is refused
-
-
-# every field of a Setup and of an Entry, with a value that is not the default
-OTHER = {
-    "track": "fast", "laps": 3, "time_limit": 0.1, "obstacles": 2, "obstacle_seed": 3, "moving": "pedestrian:1",
-    "patches": [{"x": 1.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5}], "lidar": "rangefinder",
-    "decision_limit": 5.0, "vehicle": "ipz", "tires": "ipz", "mu": 0.7, "floor": "ipz8", "changes": {"mass": 4.0},
-    "controller": "wall_follow", "planner_settings": {"lookahead": 3.0}, "planner_mu": 0.4, "max_speed": 3.0,
-    "knows": "opponents", "odometry": "vesc", "pose": "rate=10", "assist": "safe",
-    "sensors": ["imu"], "effects": {"latency": 0.02}, "odometry_drift": 0.1,
-    "seed": 4, "start": fg.Start(s=1.0), "name": "mine", "grid": "behind", "rules": "roboracer_2026",
-}  # fmt: skip
-CAR = {"vehicle", "tires", "mu", "floor", "changes"}
-TOLD = {"planner_mu", "max_speed", "knows", "odometry", "pose", "assist", "sensors", "effects", "odometry_drift"}
-COURSE = {"track", "obstacles", "obstacle_seed", "moving", "patches"}
-DRIVER = TOLD | {"controller"}
-PLACE = {"planner_settings", "start", "seed", "grid"}
-STUDY = DRIVER - {"controller"} | CAR | {"obstacles", "moving", "patches", "laps", "time_limit"}
-STUDY |= {"lidar", "decision_limit"}
-USED = {
-    "drive": CAR | {"sensors", "start", "lidar", "name", "patches"},
-    "a comparison": STUDY | {"controller", "track", "start", "grid", "rules"},
-    "a rollout": CAR | COURSE | DRIVER | PLACE | {"laps", "time_limit", "decision_limit"},
-    "a live view": CAR | COURSE | DRIVER | PLACE | {"name"},
-    "an environment": CAR | COURSE | TOLD - {"planner_mu", "max_speed", "odometry_drift"}
-    | {"start", "laps", "time_limit", "grid"},
-    "an environment of f1tenth_gym": {"vehicle", "tires"},
-}  # fmt: skip
-
-
-class ReachedError(Exception):
-    """A door has taken a setup."""
-
-
-def through(door, given, out):
-    """Give a door a setup of some keywords, or the keywords."""
-    setup = Setup.of(**given)
-    return {
-        "a comparison": lambda: fg.compare("gap_finder", track="oval", setup=setup, out=out),
-        "a rollout": lambda: fg.rollout(setup, n=1), "drive": lambda: fg.drive("brake", setup=setup),
-        "a live view": lambda: LiveSession(setup), "an environment": lambda: EnvironmentSettings.of({"setup": setup}),
-        "an environment of f1tenth_gym": lambda: simulator_of(setup=setup, vehicle=None, tires=None),
-    }[door]()  # fmt: skip
-
-
-@each("door", USED)
-def test_a_door_takes_the_fields_of_a_setup_that_it_uses_and_refuses_all_others(door, here, monkeypatch):
-    known = {field.name for kind in (Setup, fg.Entry) for field in fields(kind)} - {"entries"}
-    assert known == set(OTHER)  # a new field has a value here, and a place in USED or nowhere
-    real = Setup.require_usable
-
-    def reach(self, *arguments, **keywords):
-        real(self, *arguments, **keywords)
-        raise ReachedError
-
-    monkeypatch.setattr(Setup, "require_usable", reach)
-    for name, value in OTHER.items():
-        among = {"opponents": ["gap_finder"]} if name in ("grid", "rules") else {}
-        accepts = name in USED[door]
-        said = None if accepts else rf"{name} is .* in {door}, which cannot use|2 entries in {door}; accepted: one car"
-        with pytest.raises(ReachedError if accepts else fg.SettingsError, match=said):
-            through(door, {name: value} | among, here / "out")
-    assert not list(here.iterdir())
 
 
 def test_opponents_by_name_draw_noise_of_their_own():

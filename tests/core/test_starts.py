@@ -1,13 +1,9 @@
 """Where a car may start: beyond the walls, in one or in an obstacle is refused where it is set, a crash where drawn."""
 
-import warnings
-
 import numpy as np
-import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.course.standing import off_course
 from map_oracles import draw_map, ring
 
@@ -60,22 +56,3 @@ def test_a_rollout_has_a_crash_at_0_s_where_it_is_drawn():
     assert (result["sim_time_s"][aside > 1.1 - 0.5 * CAR.width] == 0.0).all()
     assert (result["end_reason"][clear] == "time_limit").all()
     assert (result["collisions"][clear] == 0).all()
-
-
-# -- scripts of f1tenth_gym
-
-
-def steps(env, pose, count=20):
-    env.reset(np.array([pose]))
-    return [env.step(np.array([[0.0, 1.0]]))[0]["collisions"][0] for _ in range(count)]
-
-
-def test_a_gym_script_goes_on_beyond_the_walls_with_a_warning(tmp_path):
-    env = f110.make(map=str(draw_map(tmp_path, ring()).with_suffix("")), map_ext=".png", num_agents=1)
-    with pytest.warns(UserWarning, match=r"pose of car 0 is \[-20.0, 5.0, 0.0\], beyond the walls of 'drawn'"):
-        assert not any(steps(env, (-20.0, 5.0, 0.0)))
-    with pytest.warns(UserWarning, match=r"pose of car 0 is .*, in a wall of 'drawn': it collides at once"):
-        assert steps(env, (7.5, 1.5, 0.0), 1) == [1.0]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert not any(steps(env, (7.5, 2.25, 0.0)))

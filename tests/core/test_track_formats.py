@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco.addons.arena.random_courses.generator import generate_track
 from fg_mujoco.course.centreline_csv import DENSE, read_centreline, write_centreline
 from fg_mujoco.course.polyline import enclosed_area, step_lengths
 from fg_mujoco.errors import TrackError
@@ -185,7 +184,7 @@ def test_any_spacing_gives_the_same_smooth_circuit(read, spacing):
 
 
 def test_written_track_is_read_back_bit_for_bit(tmp_path):
-    track = generate_track(3)
+    track = load_track("random:3")
     write_centreline(track, tmp_path / "a.csv", ["made for a test", "second line"])
     again = read_centreline(tmp_path / "a.csv")
     for name in ("centreline", "width_right", "width_left"):

@@ -7,8 +7,16 @@ import math
 
 import numpy as np
 
+import fg_mujoco as fg
 from drawn_worlds import lines, seen_from
 from fg_mujoco.compiled.kernels import kernel
+
+
+def corridor_walls(begin, end, width):
+    """Return the four walls of a straight corridor along x, 0.1 m thick, from `begin` to `end`."""
+    middle, length, aside = 0.5 * (begin + end), end - begin + 0.2, 0.5 * width + 0.05
+    sides = [fg.Box(x=middle, y=y, length=length, width=0.1) for y in (-aside, aside)]
+    return (*sides, *(fg.Box(x=x, y=0.0, length=0.1, width=width) for x in (begin - 0.05, end + 0.05)))
 
 
 class Clearances:

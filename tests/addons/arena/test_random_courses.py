@@ -20,6 +20,7 @@ from fg_mujoco.addons.arena.tight_courses.tight import TightSettings, generate_t
 from fg_mujoco.course.clearance import least_clearance
 from fg_mujoco.course.course import outline, wall_outlines
 from fg_mujoco.course.definitions import course_of
+from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.polyline import self_crossings, step_lengths, turns
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.resolved import ground_of
@@ -97,7 +98,7 @@ def test_every_seed_keeps_the_default_settings_and_has_a_lap_that_the_car_can_dr
     check_lap(track, drivable_lap(track))
 
 
-@each("name", [*BUNDLED, *SEEDS])
+@each("name", [*track_names(), *SEEDS, *(f"random:{seed}" for seed in range(4))])
 def test_the_car_can_drive_a_lap_of(name):
     track = fg.load_track(name)
     check_lap(track, drivable_lap(track))

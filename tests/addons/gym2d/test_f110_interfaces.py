@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 import warnings
 
 import gymnasium
@@ -436,3 +438,34 @@ def test_ends_and_rewards_of_the_later_releases():
     ):
         with pytest.raises(SettingsError, match=message):
             refused()
+
+
+def collisions_of(env, pose, count=20):
+    env.reset(np.array([pose]))
+    return [env.step(np.array([[0.0, 1.0]]))[0]["collisions"][0] for _ in range(count)]
+
+
+def test_a_gym_script_goes_on_beyond_the_walls_with_a_warning(tmp_path):
+    env = f110.make(map=str(draw_map(tmp_path, ring()).with_suffix("")), map_ext=".png", num_agents=1)
+    with pytest.warns(UserWarning, match=r"pose of car 0 is \[-20.0, 5.0, 0.0\], beyond the walls of 'drawn'"):
+        assert not any(collisions_of(env, (-20.0, 5.0, 0.0)))
+    with pytest.warns(UserWarning, match=r"pose of car 0 is .*, in a wall of 'drawn': it collides at once"):
+        assert collisions_of(env, (7.5, 1.5, 0.0), 1) == [1.0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not any(collisions_of(env, (7.5, 2.25, 0.0)))
+
+
+@each("how", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copied", "pickled"])
+def test_a_copy_drives_apart_on_the_map_that_was_set_last(how):
+    first, other = (f110.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20) for _ in range(2))
+    for env in (first, other):
+        env.update_map("hairpins")
+        env.reset(np.zeros((1, 3)))
+    again = how(first)
+    assert again.world.track.name == "hairpins"
+    again.reset(np.zeros((1, 3)))
+    for _ in range(10):
+        moved = again.step(np.array([[0.1, 3.0]]))[0]["scans"]
+    own, undisturbed = (env.step(np.array([[0.0, 1.0]]))[0]["scans"] for env in (first, other))
+    assert np.array_equal(own, undisturbed) and not np.array_equal(own, moved)

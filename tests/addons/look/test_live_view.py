@@ -24,6 +24,16 @@ from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from refusals import refused
 
 TICK = 0.025  # [s]
+FAILS_LATE = """import numpy as np
+import fg_mujoco as fg
+class Late:
+    def reset(self):
+        pass
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=self.steer(scan, odometry), speed=1.0)
+    def steer(self, scan, odometry):
+        return np.average(scan.bearings, weights=scan.ranges[:3]) if odometry.stamp > 0.49 else 0.0  # line 9
+"""
 
 
 def drive(session, seconds):
@@ -420,3 +430,16 @@ def test_browser_has_the_shapes_of_all_cars():
     model, shapes = world_shapes(session.world)
     bodies = {model.body(shape.body).name for shape in shapes}
     assert {"car/base_link", "car_1/base_link", "car_2/base_link"} <= bodies
+
+
+def test_it_pauses_and_says_so_when_its_planner_fails_until_the_reset(here):
+    (here / "mine.py").write_text(FAILS_LATE)
+    session = LiveSession(Setup.of(track="oval", controller="mine.py:Late"))
+    for _ in range(30):
+        session.tick()
+    assert session.paused and session.simulation.time == pytest.approx(0.5)
+    assert "TypeError: Axis" in session.message and session.message.endswith("(mine.py, line 9)")
+    assert 'File "mine.py", line 9, in steer' in session.failure.traceback
+    session.reset()
+    session.tick()
+    assert (session.failure, session.message, session.simulation.time) == (None, "", 0.0)

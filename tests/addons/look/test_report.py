@@ -19,6 +19,7 @@ from fg_mujoco.simulation.cars import car_colour, car_colour_hex
 from fg_mujoco.vehicle.car import WHEELS, car_parameters
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from field_races import shunt, three_cars
+from hand_planners import driven
 from rendered import needs_gl
 
 TICK = 0.025  # [s]
@@ -245,3 +246,14 @@ def test_name_of_a_car_is_text_in_the_page(tmp_path):
     page = write_report(race, tmp_path / "a.html", clip_seconds=None).read_text(encoding="utf-8")
     assert name not in page and "&lt;/script&gt;&lt;b onclick=&quot;x&quot;&gt;&amp;" in page
     fg.trace_picture(race, tmp_path / "a.png")
+
+
+def test_a_roll_over_is_said_and_marked_on_the_map(tmp_path):
+    pytest.importorskip("bokeh")
+    from fg_mujoco.addons.look.report import write_report
+
+    tall = fg.CarChanges(center_of_gravity_height=0.16)
+    swerves = driven(lambda odometry: (0.4 if odometry.stamp > 0.2 else 0.0, 7.0))
+    rolled = fg.race("oval", swerves, tires="coulomb", mu=1.3, changes=tall, start=fg.Start(speed=7.0, offset=-0.5))
+    page = write_report(rolled, tmp_path / "page.html", clip_seconds=None).read_text("utf-8")
+    assert f"Rolled over {rolled.car.rollover}. The map marks the place with a cross." in page

@@ -8,10 +8,7 @@ import pytest
 from track_oracles import distances_to_line, inside_prisms, ray_distances, room_beside, winding
 
 from cases import each
-from fg_mujoco.addons.arena.tight_courses.drivable import MARGIN, STEP, Footprint, drivable_lap
 from fg_mujoco.course.centreline_csv import read_centreline, write_centreline
-from fg_mujoco.course.clearance import least_clearance
-from fg_mujoco.course.course import outline
 from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.polyline import self_crossings
 from fg_mujoco.course.track_mesh import wall_prisms
@@ -124,13 +121,3 @@ def test_written_and_read_again_it_is_the_same(track, tmp_path):
     again = read_centreline(tmp_path / "again.csv")
     for name in ("centreline", "width_right", "width_left"):
         np.testing.assert_array_equal(getattr(again, name), getattr(track, name))
-
-
-@every_track
-def test_the_default_car_can_drive_a_lap_forward(track):
-    if track.length > 250.0:
-        pytest.skip(f"{track.length:.0f} m: the grids of the search would take a gigabyte")
-    poses = drivable_lap(track, Footprint.of(default_car()))
-    walls = np.concatenate([outline(edge) for edge in track.edges])
-    assert least_clearance(poses, walls, default_car()) >= MARGIN
-    assert 0.5 * track.length < len(poses) * STEP < 1.5 * track.length
