@@ -809,6 +809,12 @@ FAULTS = {
         tests="test_report.py",
     ),
     # cli
+    "a torn TOML that ends in a traceback": Fault(
+        file="fg_mujoco/course/documents.py",
+        old="except (ValueError, RecursionError) as error:  # a number of",
+        new="except RecursionError as error:  # a number of",
+        tests="test_formats.py",
+    ),
     "friction that is off is none at all": Fault(
         file="fg_mujoco/cli/options.py",
         old='return math.inf if text == "off" else number(text)',

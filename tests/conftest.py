@@ -43,7 +43,7 @@ os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 # first compiles the kernels of all planners. The next two take as long, and call hardly any kernel until then. What a
 # worker compiles the others wait for.
 SLOWEST = (
-    "test_fuzz.py", "test_identification.py", "test_interpreted.py", "test_kernels.py", "test_rollout_ray.py",
+    "test_formats.py", "test_identification.py", "test_interpreted.py", "test_kernels.py", "test_rollout_ray.py",
     "test_mission.py", "test_docs.py", "test_f110_scripts.py", "test_labs.py", "test_controller_contract.py",
     "test_friction_lab.py", "test_failing_planners.py", "test_comparison.py",
     "test_every_course.py", "test_ros2.py", "test_vehicle_contract.py", "test_tire_forces.py",
@@ -65,7 +65,7 @@ SLOW_FILES = frozenset({
     "test_bag_storage.py", "test_comparison.py",
     "test_debug.py", "test_docs.py", "test_drive.py", "test_every_course.py", "test_every_track.py",
     "test_f110_interfaces.py", "test_f110_scripts.py", "test_f1tenth_gym_benchmark.py",
-    "test_friction_cli.py", "test_friction_lab.py", "test_fuzz.py", "test_failing_planners.py",
+    "test_friction_cli.py", "test_friction_lab.py", "test_formats.py", "test_failing_planners.py",
     "test_damaged_runs.py", "test_folders_load_nothing.py", "test_identification.py",
     "test_interpreted.py", "test_kernels.py",
     "test_kills.py", "test_lab_braking.py", "test_lab_mismatch.py",
