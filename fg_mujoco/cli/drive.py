@@ -9,7 +9,6 @@ import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import SettingsError
 from ..lab.commands import COLUMNS
@@ -17,15 +16,12 @@ from ..lab.drive import drive
 from ..lab.handling import handling
 from ..lab.manoeuvres import MANOEUVRES
 from ..pictures.plots import write_run
-from ..racing.hints import clamped_hint
+from ..racing.result import RaceResult, clamped_hint
 from ..racing.run_folder import check_run_folder, summary_json
 from ..vehicle.tire_slip import share_text, sliding_text
 from .command import CONFIG, JSON, can_draw, command, number, option
 from .options import setup_of, setup_options
 from .out import PAGE, RUN, out_options, write_page
-
-if TYPE_CHECKING:
-    from ..racing.result import RaceResult
 
 _DONE, _NOT_DONE = 0, 1
 

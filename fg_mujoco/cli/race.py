@@ -10,13 +10,13 @@ import sys
 import time
 from pathlib import Path
 
+from ..display import quoted
 from ..errors import FgMujocoError, RunFolderError
-from ..racing.decision_times import decision_limit_text
+from ..racing.decision_times import decision_limit_text, late_hint
 from ..racing.entries import NO_FAULT
-from ..racing.hints import race_hints
 from ..racing.planners import with_settings
 from ..racing.race import RaceProgress, race_setup
-from ..racing.result import RaceResult
+from ..racing.result import RaceResult, clamped_hint
 from ..racing.rules import find_rules
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
@@ -70,8 +70,11 @@ def race_command(options: argparse.Namespace) -> int:
             print("fg-mujoco:", in_one_line(str(error)), file=sys.stderr)  # the run folder is written, and stays
             code = _NOT_DONE
     print(summary_json(result) if options.json else race_table(result, options.out))
-    for hint in race_hints(result):
-        print("fg-mujoco: hint:", in_one_line(hint), file=sys.stderr)
+    for car, own in zip(result.cars, result.world.cars, strict=True):
+        driven = car.telemetry[: round(car.end_time_s / car.decision_times.period_s)]
+        whose = "" if len(result.cars) == 1 else f"{quoted(car.name)}: "
+        for hint in filter(None, (clamped_hint(driven, own.parameters), late_hint(vars(car.decision_times)))):
+            print(f"fg-mujoco: hint: {whose}{in_one_line(hint)}", file=sys.stderr)
     return code
 
 

@@ -20,9 +20,9 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from ..compiled.kernels import CompileTime
 from ..simulation.planner_failure import DecisionLimitReached
 
 _Answer = TypeVar("_Answer")
+
+MOST, FEWEST = 0.5, 20
+"""Hints are of more than this share of the decisions, and of so many decisions at least."""
 
 _AGAIN = 0.05  # [s] after which a planner that went on all the same is interrupted once more
 
@@ -68,6 +71,19 @@ class DecisionTimes:
             for name, value in (("median", self.median_s), ("99 %", self.percentile_99_s), ("worst", self.worst_s))
         )
         return f"{of}; {self.over_period} of {self.decisions} over {1e3 * self.period_s:g} ms"
+
+
+def late_hint(times: Mapping[str, Any]) -> str:
+    """Return what is said of a race most of whose decisions were late; `times` are as DecisionTimes has them."""
+    late, count, median = times["over_period"], times["decisions"], times["median_s"]
+    if count < FEWEST or late <= MOST * count:
+        return ""
+    period, half = 1e3 * times["period_s"], 1e3 * median
+    return (
+        f"{late} of {count} decisions took longer than {period:g} ms, half of them {half:.3g} ms or more. The "
+        "simulation waits for a planner, and a car does not: it would drive on with the command before. Try "
+        f"--lidar-latency {median:.2g}, which shows what such a delay does, or a planner that is faster"
+    )
 
 
 def decision_limit_text(limit: float | None, time: float) -> str:

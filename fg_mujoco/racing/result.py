@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -18,7 +19,7 @@ from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from ..vehicle.car import WHEELS
-from .decision_times import DecisionTimes
+from .decision_times import FEWEST, MOST, DecisionTimes
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
@@ -296,6 +297,28 @@ def clamped_commands(telemetry: FloatArray, car: CarParameters) -> int:
     steering_angle, speed = telemetry[:, COMMAND], telemetry[:, COMMAND + 1]
     beyond = (np.abs(steering_angle) > car.max_steering_angle) | (speed > car.max_speed) | (speed < car.min_speed)
     return int(beyond.sum())
+
+
+def clamped_hint(telemetry: FloatArray, car: CarParameters) -> str:
+    """Return what is said of a drive most of whose commands were beyond the car's limits; empty: they were not.
+
+    Args:
+      telemetry: (ticks, len(TELEMETRY)).
+      car: whose limits they are.
+    """
+    clamped, count, lock = clamped_commands(telemetry, car), len(telemetry), car.max_steering_angle
+    if count < FEWEST or clamped <= MOST * count:
+        return ""
+    angles, speeds = np.abs(telemetry[:, COMMAND]), telemetry[:, COMMAND + 1]
+    said = f"{clamped} of {count} commands were beyond the car's limits"
+    if (angles > lock).sum() < ((speeds > car.max_speed) | (speeds < car.min_speed)).sum():
+        limits = f"{car.min_speed:g} to {car.max_speed:g} m/s"
+        return f"{said} of {limits}, up to {np.abs(speeds).max():.3g} m/s. Speeds are in metres per second"
+    typical = float(np.median(angles[angles > lock]))
+    asked = f"{said}: half of them asked for a steering angle of {typical:.3g} rad or more, the car has {lock:.3g}"
+    if typical > math.pi / 3.0:
+        return f"{asked}. Steering angles are in radians: if these are degrees, try math.radians(angle)"
+    return f"{asked}. Try less gain, or the steering angle held within car.max_steering_angle"
 
 
 class Trajectory(TypedDict):

@@ -30,6 +30,7 @@ from .rules import RULES, Contact, Overtake, Restart, Warned
 
 _GREATEST = 1e9  # of the numbers in a summary
 _GREATEST_COUNT = 2**63  # and of whole ones, which seeds are
+_WRITTEN = "as a race wrote it"
 
 
 def _fits(value: Any, kind: Any) -> bool:
@@ -109,45 +110,36 @@ def _is_settings(value: Any) -> bool:
     return limit is None or _is_above_0(limit)
 
 
-def _of(kind: Any, words: str) -> tuple[str, Callable[[Any], bool]]:
-    return words, partial(_fits, kind=kind)
-
-
-_FAILURE = {
-    "error": str, "time_s": float, "file": str | None, "line": int | None, "traceback": str | None, "scan": str | None
-}  # fmt: skip
-_SUMMARY: dict[str, tuple[str, Callable[[Any], bool]]] = {
+_KINDS: dict[str, Any] = {
     **dict.fromkeys(
         ("track", "vehicle", "vehicle_sha256", "tires", "tires_model", "controller", "assist", "end_reason",
-         "trajectory_sha256", "fg_mujoco_version", "mujoco_version", "platform", "winner", "floor"),
-        _of(str, "a text"),
+         "trajectory_sha256", "fg_mujoco_version", "mujoco_version", "platform", "winner", "floor"), str,
     ),
     **dict.fromkeys(
-        ("laps_completed", "collisions", "obstacles", "clamped_commands", "seed", "obstacle_seed"),
-        _of(int, "a whole number from 0"),
+        ("laps_completed", "collisions", "obstacles", "clamped_commands", "seed", "obstacle_seed"), int
     ),
     **dict.fromkeys(
         ("max_slide_m_s", "max_lateral_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s",
-         "sim_time_s", "wall_time_s", "realtime_factor", "odometry_drift"),
-        _of(float, f"a number within {_GREATEST:.0e}"),
+         "sim_time_s", "wall_time_s", "realtime_factor", "odometry_drift"), float,
     ),
+    "finished": bool, "planner_settings": dict, "lap_times_s": tuple[float, ...],
+    "overtakes": tuple[Overtake, ...], "contacts": tuple[Contact, ...], "warnings": tuple[Warned, ...],
+    "restarts": tuple[Restart, ...], "decision_times": DecisionTimes, "wrong_way": WrongWay, "crash": Crash,
+}  # fmt: skip
+"""Entries of a summary by name: the type whose values a race writes. Each may be null or missing."""
+
+_WORDS = {
+    str: "a text", int: "a whole number from 0", float: f"a number within {_GREATEST:.0e}", bool: "true or false",
+    dict: "values by name",
+}  # fmt: skip
+_FAILURE = {
+    "error": str, "time_s": float, "file": str | None, "line": int | None, "traceback": str | None, "scan": str | None
+}  # fmt: skip
+_TESTS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     **dict.fromkeys(
         ("mu", "planner_mu", "speed_limit_m_s", "decision_limit_s"),
         (f"a number above 0, up to {_GREATEST:.0e}", _is_above_0),
     ),
-    **{
-        name: _of(kind, f"a list of {get_args(kind)[0].__name__}, as a race wrote it")
-        for name, kind in (
-            ("overtakes", tuple[Overtake, ...]), ("contacts", tuple[Contact, ...]), ("warnings", tuple[Warned, ...]),
-            ("restarts", tuple[Restart, ...]),
-        )
-    },
-    **{
-        name: _of(kind, f"the fields of {kind.__name__}")
-        for name, kind in (("decision_times", DecisionTimes), ("wrong_way", WrongWay), ("crash", Crash))
-    },
-    "finished": _of(bool, "true or false"),
-    "lap_times_s": _of(tuple[float, ...], "a list of numbers"),
     "laps_requested": (
         f"a whole number from 0 to {GREATEST_LAPS}", lambda value: _fits(value, int) and value <= GREATEST_LAPS
     ),
@@ -156,24 +148,21 @@ _SUMMARY: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "rules": (" or ".join(RULES), lambda value: isinstance(value, str) and value in RULES),
     "controller_origin": ("texts by name, and files as texts by name", _is_origin),
     "lidar_effects": ("the fields of LidarEffects, and no file's name", _is_effects),
-    "planner_settings": _of(dict, "values by name"),
     "settings": ("settings by name, time_limit above 0", _is_settings),
     "cars": (f"a row of values for each of up to {GREATEST_CARS} cars", _are_cars),
-    "planner_failure": (
-        "planner_failure, as a race wrote it",
-        lambda value: _fits(value, _FAILURE) and {*_FAILURE} - {"scan"} <= set(value),
-    ),
+    "planner_failure": (_WRITTEN, lambda value: _fits(value, _FAILURE) and {*_FAILURE} - {"scan"} <= set(value)),
     "sensors": (
-        "a list of sensors, as a race wrote it",
-        lambda value: _fits(value, tuple[dict[str, Any], ...]) and all("sensor" in each for each in value),
+        _WRITTEN, lambda value: _fits(value, tuple[dict[str, Any], ...]) and all("sensor" in each for each in value)
     ),
+} | {
+    name: (_WORDS.get(kind, _WRITTEN), partial(_fits, kind=kind)) for name, kind in _KINDS.items()
 }  # fmt: skip
-"""Entries of a summary by name: the accepted values in words, and a test of a value. Each may be null or missing."""
+"""Entries of a summary by name: the accepted values in words, and a test of a value."""
 
 
 def check_summary(summary: Mapping[str, Any]) -> None:
     """Raise ValueError for a value that is of another kind than a race writes."""
-    for name, (accepted, accepts) in _SUMMARY.items():
+    for name, (accepted, accepts) in _TESTS.items():
         value = summary.get(name)
         if value is not None and not accepts(value):
             raise ValueError(f"{name} is {short(value)}; accepted: {accepted}")

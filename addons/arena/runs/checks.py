@@ -9,9 +9,9 @@ A check that a car would pass by standing still asks for some progress, too.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,8 @@ from .run import driven_poses
 
 STANDS = 0.05
 """[m/s] below which a car stands."""
+
+_WALLS, _OBSTACLE, _OTHERS = "a course with a left and a right wall", "an obstacle", "opponents"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,8 +67,7 @@ class Drive:
         return car.end_reason.replace("_", " ") + (f": {found}" if found else "")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Verdict:
+class Verdict(NamedTuple):
     """What a check says of a drive."""
 
     passed: bool
@@ -75,73 +76,65 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """Base of checks.
+    """Base of checks, whose fields that are numbers are from 0.
 
     Raises:
       SettingsError: a field that is no number from 0.
     """
 
-    numbers: ClassVar[tuple[str, ...]] = ()  # fields that are numbers from 0
+    asks: ClassVar[str]  # in words, with fields in braces; of a share in per cent
+    needs: ClassVar[str] = ""  # that a drive has it: one of _WALLS, _OBSTACLE, _OTHERS
 
     def __post_init__(self) -> None:
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", self.numbers, SettingsError)
+        numbers = tuple(each.name for each in fields(self) if each.type == "float")
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", numbers, SettingsError)
 
     @property
     def asked(self) -> str:
         """What is asked, in words."""
-        raise NotImplementedError
+        texts = {name: value if isinstance(value, str) else f"{value:g}" for name, value in vars(self).items()}
+        shares = {name: f"{100.0 * value:g} %" for name, value in vars(self).items() if name.endswith("_share")}
+        return self.asks.format(**texts | shares)
 
     def lacks(self, ground: Ground, cars: int) -> str:
         """Return what a drive on a ground, of so many cars, lacks for this check; empty: nothing."""
-        return ""
+        there = {_WALLS: len(ground.course.edges) > 1, _OBSTACLE: bool(ground.obstacles), _OTHERS: cars > 1, "": True}
+        return "" if there[self.needs] else self.needs
 
     def judge(self, drive: Drive) -> Verdict:
         """Return whether a drive is good enough, and what was measured."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finishes(Check):
-    """The car drives all laps, or to the goal, before its time limit."""
-
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return "all laps"
-
-    def judge(self, drive: Drive) -> Verdict:
-        """See Check."""
-        car, laps = drive.result.car, drive.result.laps_requested
-        said = f"{car.laps_completed} of {laps} in {car.end_time_s:.2f} s, {drive.end}"
-        return Verdict(passed=car.finished, measured=said)
-
-
-@dataclass(frozen=True, kw_only=True)
-class OnTheWay(Check):
-    """Base of checks that ask for some progress besides."""
-
-    numbers: ClassVar[tuple[str, ...]] = ("least_progress_m",)
-    least_progress_m: float = 10.0  # [m]
-
-    def judge(self, drive: Drive) -> Verdict:
-        """See Check."""
         passed, measured = self._judge(drive)
-        if passed and drive.progress < self.least_progress_m:
-            return Verdict(passed=False, measured=f"{measured}, but only {drive.progress:.1f} m driven, {drive.end}")
-        return Verdict(passed=passed, measured=measured)
+        if passed and drive.progress < getattr(self, "least_progress_m", 0.0):
+            return Verdict(False, f"{measured}, but only {drive.progress:.1f} m driven, {drive.end}")
+        return Verdict(passed, measured)
 
     def _judge(self, drive: Drive) -> tuple[bool, str]:
         raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
+class OnTheWay(Check):
+    """Base of checks that ask for some progress besides."""
+
+    least_progress_m: float = 10.0  # [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finishes(Check):
+    """The car drives all laps, or to the goal, before its time limit."""
+
+    asks = "all laps"
+
+    def _judge(self, drive: Drive) -> tuple[bool, str]:
+        car, laps = drive.result.car, drive.result.laps_requested
+        return car.finished, f"{car.laps_completed} of {laps} in {car.end_time_s:.2f} s, {drive.end}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class NoCrash(OnTheWay):
     """The car touches no wall and no obstacle, and does not roll over."""
 
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return f"no crash in {self.least_progress_m:g} m or more"
+    asks = "no crash in {least_progress_m} m or more"
 
     def _judge(self, drive: Drive) -> tuple[bool, str]:
         crashed = drive.result.car.collisions_wall > 0 or drive.result.car.end_reason in ("crash", "rolled_over")
@@ -152,13 +145,8 @@ class NoCrash(OnTheWay):
 class NoSlide(OnTheWay):
     """No tire slides for more than a share of the time."""
 
-    numbers = ("least_progress_m", "most_share")
+    asks = "sliding for at most {most_share} of the time"
     most_share: float = 0.0
-
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return f"sliding for at most {100.0 * self.most_share:g} % of the time"
 
     def _judge(self, drive: Drive) -> tuple[bool, str]:
         car = drive.result.car
@@ -171,33 +159,20 @@ class NoSlide(OnTheWay):
 class LapTime(Check):
     """The best lap is quick enough."""
 
-    numbers = ("most_s",)
+    asks = "a lap in at most {most_s} s"
     most_s: float  # [s]
 
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return f"a lap in at most {self.most_s:g} s"
-
-    def judge(self, drive: Drive) -> Verdict:
-        """See Check."""
+    def _judge(self, drive: Drive) -> tuple[bool, str]:
         best = min(drive.result.car.lap_times_s, default=math.inf)
-        return Verdict(
-            passed=best <= self.most_s, measured=f"best lap {best:.2f} s" if best < math.inf else f"no lap, {drive.end}"
-        )
+        return best <= self.most_s, f"best lap {best:.2f} s" if best < math.inf else f"no lap, {drive.end}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeanSpeed(OnTheWay):
     """The car drives fast enough on average."""
 
-    numbers = ("least_progress_m", "least_m_s")
+    asks = "{least_m_s} m/s or more on average"
     least_m_s: float  # [m/s]
-
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return f"{self.least_m_s:g} m/s or more on average"
 
     def _judge(self, drive: Drive) -> tuple[bool, str]:
         mean = drive.result.car.mean_speed_m_s
@@ -208,19 +183,12 @@ class MeanSpeed(OnTheWay):
 class KeepsClear(OnTheWay):
     """The car's footprint keeps a distance from walls and obstacles."""
 
-    numbers = ("least_progress_m", "least_m")
+    asks = "{least_m} m or more from everything"
     least_m: float  # [m]
 
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return f"{self.least_m:g} m or more from everything"
-
     def _judge(self, drive: Drive) -> tuple[bool, str]:
-        car = drive.result.world.parameters
-        nearest = (
-            0.0 if drive.result.car.collisions_wall else drive.ground.least_clearance(drive.times, drive.poses, car)
-        )
+        car, touched = drive.result.world.parameters, drive.result.car.collisions_wall
+        nearest = 0.0 if touched else drive.ground.least_clearance(drive.times, drive.poses, car)
         return nearest >= self.least_m, f"{nearest:.3f} m at the nearest"
 
 
@@ -231,7 +199,8 @@ class FollowsWall(OnTheWay):
     The distance is to the nearest point of that wall, from where the first `after_m` are driven.
     """
 
-    numbers = ("least_progress_m", "distance_m", "within_m", "least_share", "after_m")
+    asks = "{distance_m} m from the {side} wall, within {within_m} m, for {least_share} of the time"
+    needs = _WALLS
     side: str = "left"  # or "right"
     distance_m: float  # [m]
     within_m: float  # [m] on either side of the distance
@@ -242,16 +211,6 @@ class FollowsWall(OnTheWay):
         super().__post_init__()
         if self.side not in ("left", "right"):
             raise SettingsError(f"FollowsWall.side is {self.side!r}; accepted: left, right")
-
-    def lacks(self, ground: Ground, cars: int) -> str:
-        """See Check."""
-        return "" if len(ground.course.edges) > 1 else "a course with a left and a right wall"
-
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        band = f"{self.distance_m:g} m from the {self.side} wall, within {self.within_m:g} m"
-        return f"{band}, for {100.0 * self.least_share:g} % of the time"
 
     def _judge(self, drive: Drive) -> tuple[bool, str]:
         edges = drive.ground.course.edges
@@ -271,90 +230,59 @@ class FollowsWall(OnTheWay):
 class StopsBefore(Check):
     """The car has driven fast, and comes to stand before an obstacle, neither in it nor far from it."""
 
-    numbers = ("least_speed_m_s", "least_m", "most_m")
+    asks = "stands {least_m} to {most_m} m before the obstacle, after {least_speed_m_s} m/s"
+    needs = _OBSTACLE
     least_speed_m_s: float  # [m/s] that it reached before
     least_m: float = 0.05  # [m] between the car and the nearest obstacle, where it stands
     most_m: float = 1.0
 
-    def lacks(self, ground: Ground, cars: int) -> str:
-        """See Check."""
-        return "" if ground.obstacles else "an obstacle"
-
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return f"stands {self.least_m:g} to {self.most_m:g} m before the obstacle, after {self.least_speed_m_s:g} m/s"
-
-    def judge(self, drive: Drive) -> Verdict:
-        """See Check."""
+    def _judge(self, drive: Drive) -> tuple[bool, str]:
         fastest, last = float(drive.speeds.max(initial=0.0)), float(drive.speeds[-1])
         if drive.result.car.collisions_wall or abs(last) > STANDS:
-            return Verdict(passed=False, measured=f"does not stand: {drive.end} at {abs(last):.1f} m/s")
+            return False, f"does not stand: {drive.end} at {abs(last):.1f} m/s"
         solids = np.concatenate([outline(each.corners()) for each in drive.ground.obstacles])
         gap = least_clearance(drive.poses[-1:], solids, drive.result.world.parameters)
         passed = fastest >= self.least_speed_m_s and self.least_m <= gap <= self.most_m
-        return Verdict(passed=passed, measured=f"stands {gap:.2f} m before it, after {fastest:.2f} m/s")
+        return passed, f"stands {gap:.2f} m before it, after {fastest:.2f} m/s"
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoppingDistance(Check):
     """The car needs no longer than some way to stop, from where it was last as fast as a speed."""
 
-    numbers = ("from_m_s", "most_m")
+    asks = "stops from {from_m_s} m/s in at most {most_m} m"
     from_m_s: float  # [m/s]
     most_m: float  # [m]
 
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return f"stops from {self.from_m_s:g} m/s in at most {self.most_m:g} m"
-
-    def judge(self, drive: Drive) -> Verdict:
-        """See Check."""
+    def _judge(self, drive: Drive) -> tuple[bool, str]:
         speeds = drive.speeds
         fast = np.flatnonzero(speeds >= self.from_m_s)
         if not len(fast):
-            return Verdict(passed=False, measured=f"at most {float(speeds.max(initial=0.0)):.2f} m/s")
+            return False, f"at most {float(speeds.max(initial=0.0)):.2f} m/s"
         after = np.flatnonzero(np.abs(speeds[fast[-1] :]) <= STANDS)
         if not len(after) or drive.result.car.collisions_wall:
-            return Verdict(passed=False, measured=f"does not stop: {drive.end}")
+            return False, f"does not stop: {drive.end}"
         way = drive.poses[fast[-1] : fast[-1] + after[0] + 1, :2]
         distance = float(np.hypot(*np.diff(way, axis=0).T).sum())
-        return Verdict(passed=distance <= self.most_m, measured=f"{distance:.2f} m")
+        return distance <= self.most_m, f"{distance:.2f} m"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wins(Check):
     """The car finishes before all others."""
 
-    def lacks(self, ground: Ground, cars: int) -> str:
-        """See Check."""
-        return "" if cars > 1 else "opponents"
+    asks, needs = "first of all cars", _OTHERS
 
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return "first of all cars"
-
-    def judge(self, drive: Drive) -> Verdict:
-        """See Check."""
+    def _judge(self, drive: Drive) -> tuple[bool, str]:
         car, count = drive.result.car, len(drive.result.cars)
-        said = f"place {car.position} of {count}, {drive.end}"
-        return Verdict(passed=count > 1 and car.finished and car.position == 1, measured=said)
+        return count > 1 and car.finished and car.position == 1, f"place {car.position} of {count}, {drive.end}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoFault(OnTheWay):
     """Race control blames the car for no contact with another car."""
 
-    def lacks(self, ground: Ground, cars: int) -> str:
-        """See Check."""
-        return "" if cars > 1 else "opponents"
-
-    @property
-    def asked(self) -> str:
-        """See Check."""
-        return "no contact by its own fault"
+    asks, needs = "no contact by its own fault", _OTHERS
 
     def _judge(self, drive: Drive) -> tuple[bool, str]:
         car = drive.result.car

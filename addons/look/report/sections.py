@@ -12,8 +12,8 @@ import numpy as np
 from fg_mujoco.display import Html, element, escaped, html
 from fg_mujoco.pictures.pages.page import boxes, names_and_values, note, result, scroll
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.racing.decision_times import decision_limit_text
-from fg_mujoco.racing.hints import clamped_hint, late_hint
+from fg_mujoco.racing.decision_times import decision_limit_text, late_hint
+from fg_mujoco.racing.result import clamped_hint
 from fg_mujoco.simulation.planner_failure import place
 from fg_mujoco.vehicle.tire_slip import NO_PEAK, slides_above, sliding_rule
 
