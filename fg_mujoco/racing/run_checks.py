@@ -135,7 +135,7 @@ _WORDS = {
 _FAILURE = {
     "error": str, "time_s": float, "file": str | None, "line": int | None, "traceback": str | None, "scan": str | None
 }  # fmt: skip
-_TESTS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+_TESTS: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
     **dict.fromkeys(
         ("mu", "planner_mu", "speed_limit_m_s", "decision_limit_s"),
         (f"a number above 0, up to {_GREATEST:.0e}", _is_above_0),
