@@ -8,7 +8,6 @@ import json
 import math
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 from ..errors import SettingsError
 from ..lab.commands import COLUMNS
@@ -21,7 +20,7 @@ from ..racing.run_folder import check_run_folder, summary_json
 from ..vehicle.tire_slip import share_text, sliding_text
 from .command import CONFIG, JSON, can_draw, command, number, option
 from .options import setup_of, setup_options
-from .out import PAGE, RUN, out_options, write_page
+from .out import RUN, out_options, write_page, written_rows
 
 _DONE, _NOT_DONE = 0, 1
 
@@ -106,10 +105,7 @@ def _table(result: RaceResult, out: str | None) -> str:
         *([("fastest sliding", car.max_slide_place)] if car.max_slide_place else []),
         ("top speed", f"{car.max_speed_m_s:.2f} m/s"),
         ("clamped commands", f"{car.clamped_commands} of {len(car.telemetry)}"),
+        *written_rows(out),
     ]
-    if out is not None:
-        rows.append(("written to", out))
-        if (Path(out) / PAGE).is_file():
-            rows.append(("report", str(Path(out) / PAGE)))
     heading = f"{car.controller}, {car.vehicle}, mu {car.mu:.4g}" + (f" on floor {car.floor}" if car.floor else "")
     return "\n".join([heading, *(f"  {name:<22}{value}" for name, value in rows)])

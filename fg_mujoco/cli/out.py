@@ -16,6 +16,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from .. import from_addons
@@ -63,6 +64,12 @@ def write_page(folder: str | Path) -> None:
         print(f"fg-mujoco: {PAGE} is left out; {error}", file=sys.stderr)
         return
     write(folder)
+
+
+def written_rows(out: str | None) -> list[tuple[str, str]]:
+    """Return the rows of a table that say where a run was written, and its page; none where it was not."""
+    page = Path(out or "") / PAGE
+    return [] if out is None else [("written to", out), *([("report", str(page))] if page.is_file() else [])]
 
 
 @contextmanager
@@ -194,20 +201,14 @@ def _has_files(folder: Path) -> bool:
 @contextmanager
 def _numbered(parent: Path) -> Iterator[str]:
     """Make the folder with the next number in another, and yield its path; one that stays empty is removed again."""
-    try:
+    with writing(parent, "a folder that can be"):
         parent.mkdir(parents=True, exist_ok=True)
         numbers = [int(path.name) for path in parent.iterdir() if re.fullmatch("[0-9]{3,9}", path.name)]
-        number = max(numbers, default=0) + 1
-        while True:
+        for number in count(max(numbers, default=0) + 1):
             path = parent / f"{number:03}"
-            try:
+            with suppress(FileExistsError):  # another process was faster
                 path.mkdir()
                 break
-            except FileExistsError:  # another process was faster
-                number += 1
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise RunFolderError(f"{parent}: cannot be written: {reason}; accepted: a folder that can be") from error
     try:
         yield str(path)
     finally:

@@ -23,7 +23,7 @@ from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import share_text, sliding_rule, sliding_text
 from .command import CONFIG, JSON, OUTPUT, can_draw, command, option
 from .options import in_one_line, setup_of, setup_options
-from .out import PAGE, RUN, out_options, write_page
+from .out import RUN, out_options, write_page, written_rows
 from .progress import ProgressLine
 
 _DONE, _NOT_DONE = 0, 1
@@ -163,10 +163,7 @@ def race_table(result: RaceResult, out: str | None) -> str:
         rows.insert(1, ("rolled over", str(car.rollover)))
     if car.end_reason == "decision_limit":
         rows.insert(1, ("decision limit", decision_limit_text(result.setup.decision_limit, result.sim_time_s)))
-    if out is not None:
-        rows.append(("written to", out))
-        if (Path(out) / PAGE).is_file():
-            rows.append(("report", str(Path(out) / PAGE)))
+    rows += written_rows(out)
     if len(result.cars) > 1:
         rows.append(("winner", result.winner or "nobody finished"))
     controller = with_settings(car.controller, car.planner_settings)

@@ -60,19 +60,19 @@ def write_files(contents: Mapping[Path, Content]) -> None:
 
 
 @contextmanager
-def writing(path: str | Path) -> Iterator[None]:
-    """Refuse a file that cannot be written.
+def writing(path: str | Path, accepted: str = "a file in a folder that can be") -> Iterator[None]:
+    """Refuse a file or folder that cannot be written.
 
     Raises:
       RunFolderError: it cannot.
     """
     try:
         yield
+    except FgMujocoError:  # some are errors of the system, too
+        raise
     except OSError as error:
         reason = error.strerror or str(error)
-        raise RunFolderError(
-            f"{path}: cannot be written: {reason}; accepted: a file in a folder that can be"
-        ) from error
+        raise RunFolderError(f"{path}: cannot be written: {reason}; accepted: {accepted}") from error
 
 
 @contextmanager

@@ -42,7 +42,7 @@ from ..arguments import Suggesting, explain_class
 from ..course.documents import read_json
 from ..course.files import file_sha256, is_file, read_arrays, read_text, require_regular
 from ..course.mjcf import MOST_MJCF
-from ..course.writing import claimed_folder, require_writable, staged_folder
+from ..course.writing import claimed_folder, require_writable, staged_folder, writing
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, nearest
 from ..messages import ODOMETRY, FloatArray, LaserScan, Odometry, Reading, Readings, shown
@@ -382,18 +382,13 @@ def _require_unchanged(path: Path, summary: Mapping[str, Any]) -> None:
 @contextmanager
 def _reserved(folder: Path) -> Iterator[None]:
     """Make a folder, or claim one that is empty; one that stays empty is removed again."""
-    try:
+    with writing(folder, "a folder that can be"):
         if folder.exists() and not folder.is_dir():
             raise RunFolderError(f"{folder}: is a file; accepted: a new or empty folder")
         with claimed_folder(folder):
             if any(folder.iterdir()):
                 raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
             yield
-    except FgMujocoError:
-        raise
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise RunFolderError(f"{folder}: cannot be written: {reason}; accepted: a folder that can be") from error
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from comparison_worlds import PLANNERS, files
+from comparison_worlds import PLANNERS
 from fg_mujoco.addons.arena.runs.duels import AHEAD_FOR, Duel, Duels, alone, closed_track, pace
 from fg_mujoco.addons.arena.runs.run import Origin
 from fg_mujoco.addons.arena.runs.slower_cars import (
@@ -23,11 +23,10 @@ from fg_mujoco.addons.arena.runs.slower_cars import (
 from fg_mujoco.addons.arena.study.functions import study
 from fg_mujoco.addons.arena.study.plan import plan
 from fg_mujoco.addons.arena.study.suite import read_suite
-from fg_mujoco.errors import RunFolderError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.rollouts.shares import wilson
 
-SUITE = '[[groups]]\nname = "all"\ntrack = "oval"\nopponent = "centreline"\nlaps = 2\nseeds = [0]\n'
+SUITE = '[[groups]]\nname = "all"\ntrack = "oval"\nopponent = "centreline"\nlaps = 2\nseeds = [0, 1]\n'
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
 CAR = fg.Vehicle.load().parameters
 
@@ -141,24 +140,12 @@ def test_the_overtaker_keeps_behind_where_there_is_no_room(tmp_path):
     assert (found["outcome"], found["message"]) == ("behind", None)
 
 
-def test_a_study_goes_on_where_it_stopped(tmp_path):
-    suite = tmp_path / "duels.toml"
-
-    def driven(text):
-        suite.write_text(text)
-        return study(suite, "overtaker", out=tmp_path / "a", workers=1)
-
-    first, longer = driven(SUITE), driven(SUITE.replace("[0]", "[0, 1]"))
-    assert (first.runs_driven, len(first.rows)) == (1, 1) == (longer.runs_driven, len(longer.rows) - 1)
-    assert longer.rows[0] == first.rows[0]
-    (cell,) = longer.cells
-    assert (cell["course"], cell["assist"], cell["runs"]) == ("oval", "none", 2)
-    assert cell["successes"] == sum(row.figures["outcome"] == "overtaken" for row in longer.rows) and "safe" in cell
-    assert set(files(tmp_path / "a")) == {
-        "manifest.json", "runs.csv", "runs.jsonl", "table.csv", "table.html", "table.md"
-    }  # fmt: skip
-    with pytest.raises(RunFolderError, match="accepted"):
-        driven('name = "other"\n' + SUITE)
+def test_a_study_of_duels_has_a_cell_of_their_outcomes(tmp_path):
+    (tmp_path / "duels.toml").write_text(SUITE)
+    found = study(tmp_path / "duels.toml", "overtaker", out=tmp_path / "a", workers=1)
+    (cell,) = found.cells
+    assert (cell["course"], cell["assist"], cell["runs"]) == ("oval", "none", 2) and "safe" in cell
+    assert cell["successes"] == sum(row.figures["outcome"] == "overtaken" for row in found.rows)
 
 
 def test_a_planner_that_knows_its_opponent_is_told_where_it_is(tmp_path):
