@@ -2,14 +2,13 @@
 
     python benchmarks/circuits.py --json docs/figures.json [--data ../shared/data] [--workers 2] [--runs DIR]
 
-`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Six groups
+`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Five groups
 of races are driven, all with the default settings unless the group says otherwise:
 
 - identified: gap_finder, five laps, by the identified car on the floor that it was identified on;
 - identified_baseline: random, which looks at nothing, on the bundled circuits: what the assist drives by itself;
 - ideal: gap_finder on the published circuits, on tires that need no slip angle, as those of the published times;
 - circuits: gap_finder, five laps, on the bundled circuits, on the real ones of `--data` and on random:0 to random:19;
-- planners: every planner, five laps, on the bundled circuits, without `remember`: all of them would drive one line;
 - scenes: every planner in every scene, ten seeds.
 
 Races that a folder given by `--runs` already has are not driven again.
@@ -85,7 +84,6 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
         "identified_baseline": by_controller(identified_baseline)["random"],
         "ideal": by_controller(group("ideal", ["gap_finder"], track=published, tires="coulomb"))["gap_finder"],
         "circuits": by_controller(circuits)["gap_finder"],
-        "planners": by_controller(group("planners", track=BUNDLED, assist="full-remember")),
         "scenes": successes(scenes),
     }
 

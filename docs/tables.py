@@ -34,12 +34,11 @@ SCENES = {  # heads of the columns, and their scenes
     "corridors, cylinders": ("corridor_sparse", "corridor_dense", "cylinder_field"),
     "gap 1.2": ("narrow_gap_120",),
     "gaps 1.5, 2": ("narrow_gap_150", "narrow_gap_200"),
-    "corners, traps": ("square_corner", "dead_end", "u_turn_trap", "wrong_side_chicane"),
     "crossing box": ("crossing_box",),
-    "slow leader": ("slow_leader",),
+    "others": ("square_corner", "dead_end", "u_turn_trap", "wrong_side_chicane", "slow_leader"),
 }
 SUMMARY = ("oval", "tight", "Spielberg", "ESP", "random:0 to random:19")  # circuits on the first page
-LAPS = ("laps", "crashes", "lap from a standing start [s]", "best of five laps [s]", "greatest slide [m/s]")
+LAPS = ("laps", "lap from a standing start [s]", "best of five laps [s]", "greatest slide [m/s]")
 WITH_A_MAP = ("pure_pursuit",)
 OF_ADDONS = ("overtaker.py", "pure_pursuit.py")
 
@@ -62,13 +61,14 @@ def controllers(figures: dict[str, Any]) -> str:
     for path in sorted(files, key=lambda path: path.stem):
         if path.stem not in ("__init__", "baselines"):
             line = (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").partition("\n")[0]
-            rows.append((f"`{path.stem}`", line))
+            rows.append((f"`{path.stem}`", (line.partition(": ")[2] or line).removesuffix(".")))
     return _table(("name", "what it does"), rows, numbers=False)
 
 
 def circuits(figures: dict[str, Any]) -> str:
-    """Return gap_finder's laps of every circuit."""
-    return _table(("circuit", *LAPS), [(circuit, *row) for circuit, row in _laps(figures["circuits"]).items()])
+    """Return gap_finder's laps of the circuits without published laps."""
+    found = {name: run for name, run in figures["circuits"].items() if name not in PUBLISHED}
+    return _table(("circuit", *LAPS), [(circuit, *row) for circuit, row in _laps(found).items()])
 
 
 def summary(figures: dict[str, Any]) -> str:
@@ -91,7 +91,6 @@ def _laps(found: dict[str, Any]) -> dict[str, tuple[object, ...]]:
     return {
         label: (
             f"{sum(run['laps_completed'] for run in runs)}/{5 * len(runs)}",
-            sum(run["collisions"] for run in runs),
             _range(run["first_lap_s"] for run in runs),
             _range(run["best_lap_s"] for run in runs),
             f"{max(run['max_slide_m_s'] for run in runs):.3f}",
@@ -115,12 +114,6 @@ def published(figures: dict[str, Any]) -> str:
     )
 
 
-def planners(figures: dict[str, Any]) -> str:
-    """Return each planner's best lap on each bundled circuit."""
-    rows = [(f"`{name}`", *(_lap(runs[circuit]) for circuit in BUNDLED)) for name, runs in figures["planners"].items()]
-    return _table(("", *BUNDLED), rows)
-
-
 def scenes(figures: dict[str, Any]) -> str:
     """Return each planner's successes in the scenes of each column [%]: of ten seeds of each."""
     rows = [
@@ -134,22 +127,8 @@ def scenes(figures: dict[str, Any]) -> str:
 
 
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
-    function.__name__: function
-    for function in (
-        controllers,
-        circuits,
-        summary,
-        published,
-        planners,
-        scenes,
-    )
+    table.__name__: table for table in (controllers, circuits, summary, published, scenes)
 }
-
-
-def _lap(run: dict[str, Any]) -> str:
-    """Return the best lap of a run, or why it has none."""
-    ended = run["end_reason"]
-    return _seconds(run["best_lap_s"]) if ended == "finished" else ended.replace("_", " ")
 
 
 def _seconds(value: float) -> str:

@@ -34,7 +34,7 @@ ONLY_IMPORTED = {
     "docs/rendering.md": "goes on from a run folder, a world and a simulation of the reader's, with OpenGL"
 }
 NEEDS = {
-    "docs/maps.md": ("PIL", "yaml", "skimage"), "docs/api/tracks.md": ("PIL", "yaml", "skimage"),
+    "docs/api/tracks.md": ("PIL", "yaml", "skimage"),
     "docs/addons/learn/api.md": ("pettingzoo",), "docs/api/rendering.md": ("matplotlib", "PIL"),
 }  # fmt: skip
 
