@@ -49,9 +49,7 @@ def setting(default: Any, text: str, metavar: str, group: str, *, told: bool = F
       group: title in the help below which it stands.
       told: whether every planner is told of it, as PLANNER_OPTIONS are.
     """
-    return dataclasses.field(
-        default=default, metadata={"help": text, "metavar": metavar, "group": group, "told": told}
-    )
+    return dataclasses.field(default=default, metadata={"help": text, "metavar": metavar, "group": group, "told": told})
 
 
 def explained(function: _F, name: str = "") -> _F:

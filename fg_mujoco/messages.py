@@ -113,8 +113,6 @@ def require_finite(message: object, *values: object, names: tuple[str, ...]) -> 
         require(message, math.isfinite, "a finite number", names, MessageError)
 
 
-
-
 @lru_cache(maxsize=32)
 def _bearings(count: int, angle_min: float, angle_increment: float) -> FloatArray:
     return read_only(angle_min + angle_increment * np.arange(count))
@@ -288,7 +286,6 @@ MOST_OTHERS = 15
 def columns_of_others(cars: int) -> tuple[str, ...]:
     """Return the columns of a reading of the sensor `opponents`, which tells of so many cars."""
     return tuple(f"other_{number}_{name}" for number in range(1, cars + 1) for name in OF_OTHER_CAR)
-
 
 
 @explain_class

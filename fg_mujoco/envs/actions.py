@@ -191,9 +191,7 @@ class ActionReader:
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays that `read_actions` takes, by its names, which stay the same."""
         bounds = self.bounds
-        return {
-            "limits": bounds.limits, "planned": self.planned, "targets": self._targets, "previous": self.previous
-        }
+        return {"limits": bounds.limits, "planned": self.planned, "targets": self._targets, "previous": self.previous}
 
     @property
     def from_minus_1_to_1(self) -> FloatArray:

@@ -210,9 +210,7 @@ class EnvironmentSettings(CarSettings):
         """Return where the cars of a world start."""
         learners = len(world.cars) - len(self.opponents)
         own = [None] * learners + [entry.start for entry in self.opponents]
-        return StartGrid(
-            world, self.fixed_start, kind=self.grid, order=self.grid_order, own=own, learners=learners
-        )
+        return StartGrid(world, self.fixed_start, kind=self.grid, order=self.grid_order, own=own, learners=learners)
 
     def make_ground(self, agents: int = 1) -> Ground:
         """Return the ground of so many cars that learn; errors as of `Ground.of`."""
@@ -259,6 +257,8 @@ def _settings_of(setup: Setup) -> dict[str, Any]:
     first, usual = setup.first, Setup()
     own = {name: getattr(first, name) for name in _OF_FIRST}
     own |= {name: getattr(setup, name) for name in _OF_RACE if getattr(setup, name) != getattr(usual, name)}
-    return own | ({"opponents": setup.entries[1:]} if len(setup.entries) > 1 else {}) | (
-        {} if first.start is None else {"start": first.start}
+    return (
+        own
+        | ({"opponents": setup.entries[1:]} if len(setup.entries) > 1 else {})
+        | ({} if first.start is None else {"start": first.start})
     )

@@ -44,9 +44,7 @@ class EpisodeDraw:
 class EpisodeDraws:
     """Draws the episodes of n worlds, of what `randomization` says."""
 
-    def __init__(
-        self, settings: EnvironmentSettings, count: int, agents: int, forget: Callable[[Build], None]
-    ) -> None:
+    def __init__(self, settings: EnvironmentSettings, count: int, agents: int, forget: Callable[[Build], None]) -> None:
         self._settings, self._agents, self._forget = settings, agents, forget
         self.randomization = settings.randomization
         self._builds = Builds(BuildPlan(settings, self.randomization, agents), forget, count)
@@ -122,9 +120,7 @@ def _start(fields: Mapping[str, Any], values: Mapping[str, Any]) -> DrawnStart:
     return DrawnStart(fields=fields, ahead=None if ahead is None else float(ahead))
 
 
-def read_options(
-    options: Mapping[str, Any] | None, randomization: Randomization
-) -> tuple[Start | None, Values]:
+def read_options(options: Mapping[str, Any] | None, randomization: Randomization) -> tuple[Start | None, Values]:
     """Return the start, and the values of parameters by name, that the options of a reset give for this episode.
 
     Raises:

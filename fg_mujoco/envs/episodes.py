@@ -306,9 +306,7 @@ class Episodes:
             if self._planners is not None:
                 self._planners.decide(which, worlds.ranges, odometry)
             compiled_step.read(self._table, scan, numbers)
-        seen: Any = self.observer.seen(
-            which, scan, numbers, worlds.sensed_state, worlds.readings, step=step
-        )
+        seen: Any = self.observer.seen(which, scan, numbers, worlds.sensed_state, worlds.readings, step=step)
         if self.camera is not None and step:
             seen = (seen if isinstance(seen, dict) else {FLAT: seen}) | {CAMERA: self.camera.draw(which)}
         if self._waits and not self._driven.all():

@@ -341,9 +341,7 @@ class Memory:
 
 
 @kernel
-def shift(
-    which: Mask, fresh: Mask, frame: Values, delayed: NDArray[np.float32], delays: NDArray[np.int64]
-) -> None:
+def shift(which: Mask, fresh: Mask, frame: Values, delayed: NDArray[np.float32], delays: NDArray[np.int64]) -> None:
     """Put a tick's frames (n, width) into their ring, newest first; write to them those `delays` (width,) ticks old."""
     ticks = delayed.shape[1]
     for i in range(len(which)):
@@ -384,9 +382,7 @@ def remember(
 
 
 @kernel
-def recall(
-    ring: NDArray[np.float32], last: NDArray[np.int64], every: int, found: NDArray[np.float32]
-) -> None:
+def recall(ring: NDArray[np.float32], last: NDArray[np.int64], every: int, found: NDArray[np.float32]) -> None:
     """Write to `found` (n, length, width) what the rings (n, places, width) have, the oldest first."""
     places = ring.shape[1]
     for i in range(len(ring)):

@@ -143,8 +143,7 @@ class PolicyInterface:
         beams: Beams,
         period: float,
     ) -> PolicyInterface:
-        """Return the interface of an environment's settings, of its car, its LiDAR's beams, and ticks of `period` [s].
-        """
+        """Return the interface of an environment's settings, its car, its LiDAR's beams and ticks of `period` [s]."""
         bearings, drive = beams.bearings, settings.driven(effects=settings.effects)
         return cls(
             observation=settings.observation, privileged=tuple(term.name for term in settings.privileged),

@@ -215,9 +215,7 @@ class TickStates:
         """Return the state of some cars, which are alike; it stays up to date."""
         ground = self._common or GroundOfEach(self._engine, rows)
         before = Snapshot(ground=ground, car=car, **_views(self._before, rows))
-        return TickState(
-            ground=ground, car=car, before=before, period=self._engine.period, **_views(self._now, rows)
-        )
+        return TickState(ground=ground, car=car, before=before, period=self._engine.period, **_views(self._now, rows))
 
     def sensed(self, state: TickState, rows: slice) -> SensedState:
         """Return the state of some cars with what their sensors read; it stays up to date."""
@@ -313,9 +311,7 @@ _JUDGED = (
     "time", "progress", "place", "offset", "laps", "command", "action", "slip_speed", "sliding", "crashed",
     "rolled_over", "finished", "touches",
 )  # fmt: skip
-_NAMES = (
-    *_JUDGED, "timers", "commands", "actions", "telemetry", "crashes", "reasons", "statistics", "wheelbases"
-)
+_NAMES = (*_JUDGED, "timers", "commands", "actions", "telemetry", "crashes", "reasons", "statistics", "wheelbases")
 (
     _TIME, _PROGRESS, _PLACE, _OFFSET, _LAPS, _COMMAND, _ACTION, _SLIP_SPEED, _SLIDING, _CRASHED, _OVER, _DONE,
     _TOUCHES, _TIMERS, _COMMANDS, _ACTIONS, _TELEMETRY, _CRASHES, _REASONS, _STATISTICS, _WHEELBASES,

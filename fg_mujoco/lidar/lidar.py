@@ -21,7 +21,7 @@ from ..compiled.kernels import kernel
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
 from ..messages import FloatArray, read_only
-from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
+from .beams import Beams, lidar_body, lidar_of
 from .body_poses import BodyPoses, Mount, PoseArrays, StateArrays, read_poses, state_arrays
 from .scanline import scan
 from .visible_surfaces import ScanlineScene, SceneArrays, Scratch, is_scanline
@@ -40,14 +40,9 @@ class Lidar(Protocol):
         """Return the readings at the present state of `data`, all beams at once, as in LaserScan. Shape (n,) [m]."""
 
 
-def lidar_spec(file: str = DEFAULT_LIDAR, *, sensors: bool = True) -> Any:
-    """Return a LiDAR as a mujoco.MjSpec to attach to a car; arguments as in `LidarModel.load` and `LidarModel.spec`."""
-    return LidarModel.load(file).spec(sensors=sensors)
-
-
 @explain_class
 class RangefinderLidar:
-    """MuJoCo's own rangefinder sensors. The model must have them: `lidar_spec(sensors=True)`.
+    """MuJoCo's own rangefinder sensors. The model must have them: `LidarModel.spec(sensors=True)`.
 
     The sensors fire by themselves every 25 ms of simulated time. `ranges` has them fire at the present state whatever
     their phase, and leaves the phase, and so the simulation's state, as it was.
@@ -68,7 +63,7 @@ class RangefinderLidar:
         if len(sensors) != len(self.beams.bearings):
             raise ModelError(
                 f"body {prefix + lidar.body!r} has {len(sensors)} rangefinders; accepted: {len(self.beams.bearings)}, "
-                "as lidar_spec(sensors=True) attaches them"
+                "as LidarModel.spec(sensors=True) has them"
             )
         lidar.restore(model, model.sensor_objid[sensors])
         self._readings = model.sensor_adr[sensors]
@@ -92,8 +87,8 @@ class RangefinderLidar:
 class RaycastLidar:
     """The visible geoms of the model, except those of the car that carries the LiDAR, drawn into a scanline.
 
-    The sites and sensors of the rangefinders need not be in the model: `lidar_spec(sensors=False)`. One object serves
-    one thread.
+    The sites and sensors of the rangefinders need not be in the model: `LidarModel.spec(sensors=False)`. One object
+    serves one thread.
 
     Args:
       prefix: of the LiDAR's names in the model.

@@ -515,9 +515,7 @@ def read_times(tables: Addresses, firsts: Places, times: FloatArray) -> None:
 
 
 @kernel
-def read_motions_all(
-    tables: Addresses, firsts: Places, which: Mask, poses: FloatArray, velocities: FloatArray
-) -> None:
+def read_motions_all(tables: Addresses, firsts: Places, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
     """Do `motion.read_motions` for each of several tables, as `read_all`; all arrays have the rows of `which`."""
     for k in range(len(tables)):
         table = table_at(tables[k], ARRAYS)

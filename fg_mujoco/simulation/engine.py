@@ -280,8 +280,7 @@ class Engine(Uncopied):
         self.monitor.running[row], self.monitor.timers["progress"][row] = False, -math.inf
 
     def floor_friction(self) -> FloatArray:
-        """Return what world 0's tires have on the floor in each step of a tick (substeps, 4), or (1, 4).
-        """
+        """Return what world 0's tires have on the floor in each step of a tick (substeps, 4), or (1, 4)."""
         floor = self._batches[0].floor
         return floor.mu[:, 0].copy() if floor.mu.size else self._arrays.mu[:1].copy()
 

@@ -139,12 +139,10 @@ class Planners(Protocol):
 
 
 class MessagePlanners:
-    """Planners that are called with messages in turn; an error is noted, or raised with `raises`; `timed` decides."""
+    """Planners that are called with messages in turn; an error is noted; `timed`, where it is given, decides."""
 
-    def __init__(
-        self, planners: Sequence[Controller], *, raises: bool = False, timed: Callable[[Decide], DriveCommand] | None
-    ) -> None:
-        self._planners, self._raises, self._timed = planners, raises, timed
+    def __init__(self, planners: Sequence[Controller], *, timed: Callable[[Decide], DriveCommand] | None) -> None:
+        self._planners, self._timed = planners, timed
         self._asking = [hasattr(type(planner), "look_round") for planner in planners]
         self.failures: dict[int, PlannerError] = {}
 
@@ -159,8 +157,6 @@ class MessagePlanners:
             try:
                 command = decide() if self._timed is None else self._timed(decide)
             except ControllerError as error:
-                if self._raises:
-                    raise
                 reasons[row] = _FAILED
                 if isinstance(error, PlannerError):
                     error.__cause__ = error.__context__ = None  # their frames, and its own, hold the whole world
@@ -175,15 +171,15 @@ class MessagePlanners:
 
 
 class BatchPlanners:
-    """Planners of a class that decides for many worlds at once; with `raises` a command that is no number is raised."""
+    """Planners of a class that decides for many worlds at once."""
 
-    def __init__(self, planners: ControllerBatch, kind: type, *, raises: bool = False) -> None:
-        self._planners, self._kind, self._raises = planners, kind, raises
+    def __init__(self, planners: ControllerBatch, kind: type) -> None:
+        self._planners, self._kind = planners, kind
         self._take_readings = getattr(planners, "take_readings", None)
         self.failures: dict[int, PlannerError] = {}
 
     def __call__(self, cars: Cars) -> Reasons | None:
-        """See Planners; PlannerError: it is not known whose failure it is, or `raises` and a command is no number."""
+        """See Planners; PlannerError: it is not known whose failure it is."""
         try:
             if self._take_readings is not None:
                 for row in np.flatnonzero(cars.running).tolist():
@@ -213,21 +209,18 @@ class BatchPlanners:
         """Return the cars whose planner has failed, after the planners have raised; PlannerError: as a call does."""
         row = int(cars.running.argmax())
         failed_one = _failed(error, self._kind, *_scan_and_odometry(cars, row))
-        if self._raises or cars.running.sum() > 1:
+        if cars.running.sum() > 1:
             raise failed_one from error
         self.failures[row] = failed_one
         return np.where(cars.running, _FAILED, 0)
 
     def refused(self, cars: Cars) -> Reasons:
-        """Return the cars whose planner has failed, after a command that is no number; PlannerError: as a call does."""
+        """Return the cars whose planner has failed, after a command that is no number."""
         failed = not_finite(cars.running, cars.commands)
         for row in map(int, np.flatnonzero(failed)):
             steering_angle, speed = cars.commands[row].tolist()
             said = f"commanded {steering_angle} rad, {speed} m/s"
-            unusable = _answered(said, "numbers", self._kind, *_scan_and_odometry(cars, row))
-            if self._raises:
-                raise unusable
-            self.failures[row] = unusable
+            self.failures[row] = _answered(said, "numbers", self._kind, *_scan_and_odometry(cars, row))
         return np.where(failed, _FAILED, 0)
 
 
@@ -293,7 +286,6 @@ def adapt(
     planners: Sequence[Controller],
     *,
     arrays: bool = True,
-    raises: bool = False,
     timed: Callable[[Decide], DriveCommand] | None = None,
 ) -> Planners:
     """Return the adapter for some planners, as new, in the order of the cars.
@@ -301,7 +293,6 @@ def adapt(
     Args:
       arrays: whether planners that can decide together are given arrays; False where a planner is the caller's own
         object, which may have been used before.
-      raises: whether the failure of a planner is raised.
       timed: as MessagePlanners takes it; planners then decide one after the other.
 
     Raises:
@@ -310,7 +301,7 @@ def adapt(
     kind = type(planners[0])
     batch = getattr(kind, "batch", None) if arrays and timed is None and not wanted_sensors(kind) else None
     if batch is None or any(type(planner) is not kind for planner in planners):
-        return MessagePlanners(planners, raises=raises, timed=timed)
+        return MessagePlanners(planners, timed=timed)
     try:
         together = batch(planners)
     except BaseException as error:
@@ -318,7 +309,7 @@ def adapt(
             raise
         said = error_text(error, file_of(kind))
         raise ControllerError(f"controller {kind.__name__} failed in batch(): {said}") from error
-    return BatchPlanners(together, kind, raises=raises)
+    return BatchPlanners(together, kind)
 
 
 def odometry_message(row: Any, readings: Mapping[str, Reading] = NO_READINGS) -> Odometry:

@@ -51,9 +51,7 @@ class CarChanges:
     )
     steering_gain: float | None = setting(None, "factor on the stiffness of the steering servo; default: 1", "K", "car")
     speed_gain: float | None = setting(None, "factor on the gain of the speed servo; default: 1", "K", "car")
-    command_delay: float | None = setting(
-        None, "from a command to the servos [s]; default: the vehicle's", "S", "car"
-    )
+    command_delay: float | None = setting(None, "from a command to the servos [s]; default: the vehicle's", "S", "car")
 
     def __post_init__(self) -> None:
         given = {field.name for field in fields(self) if getattr(self, field.name) is not None}

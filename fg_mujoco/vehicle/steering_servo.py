@@ -154,9 +154,7 @@ def _pulls(model: mujoco.MjModel, tendon: int) -> bool:
     tied = model.eq_objtype[model.eq_type == mujoco.mjtEq.mjEQ_TENDON].size > 0
     driven = model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, 0]
     return bool(
-        tied
-        or tendon in driven
-        or any(np.any(getattr(model, f"tendon_{name}")[tendon]) for name in _OF_A_PULL)
+        tied or tendon in driven or any(np.any(getattr(model, f"tendon_{name}")[tendon]) for name in _OF_A_PULL)
     )
 
 

@@ -30,7 +30,6 @@ from .tire_rows import (
     GearRows,
     TireRows,
     gear_row,
-    no_gear,
     peaks,
     steps_within,
     take_over,
@@ -51,7 +50,6 @@ class TireForces(Suggesting):
 
     Args:
       prefix: of the car's names, or those of several cars, in their order in the model.
-      wheels: that each has.
 
     Attributes:
       rows: of the tires, (cars x wheels,) of TIRE; without those of the model `contact`.
@@ -62,19 +60,18 @@ class TireForces(Suggesting):
       ModelError: a time step that is too long for the tires.
     """
 
-    def __init__(self, model: mujoco.MjModel, prefix: str | Sequence[str] = "", wheels: Sequence[str] = WHEELS) -> None:
+    def __init__(self, model: mujoco.MjModel, prefix: str | Sequence[str] = "") -> None:
         prefixes = (prefix,) if isinstance(prefix, str) else tuple(prefix)
         own = [name for name in prefixes if not tires_of(model, name).is_contact]
-        self.rows: TireRows = np.concatenate([tire_rows(model, name, wheels) for name in own or prefixes[:1]])
-        self.mu: FloatArray = np.concatenate([peaks(model, name, wheels) for name in own or prefixes])
+        self.rows: TireRows = np.concatenate([tire_rows(model, name) for name in own or prefixes[:1]])
+        self.mu: FloatArray = np.concatenate([peaks(model, name) for name in own or prefixes])
         self.steps: int | None = None
         self._model, self._fields = model, fields()
         for name in own:
             take_over(model, name)
-        whole = tuple(wheels) == WHEELS
-        self._gears = np.concatenate([gear_row(model, name) if whole else no_gear() for name in own or prefixes])
+        self._gears = np.concatenate([gear_row(model, name) for name in own or prefixes])
         if own:
-            self._gears["first_tire"] = range(0, len(self.rows), len(wheels))
+            self._gears["first_tire"] = range(0, len(self.rows), len(WHEELS))
             self._inertia, self._scratch = Inertia.of(model), np.zeros(SCRATCH)
             self._divided: tuple[object, ...] = ()  # what `tire_steps` was worked out for
 
@@ -119,7 +116,7 @@ class TireForces(Suggesting):
     def _arguments(self, data: mujoco.MjData) -> tuple[Any, ...]:
         """Return what kernels take to step the model."""
         model = self._model
-        timestep, wheels = float(model.opt.timestep), len(self.rows) // len(self._gears)
+        timestep, wheels = float(model.opt.timestep), len(WHEELS)
         masses = model.body_mass.tobytes(), model.body_subtreemass.tobytes(), model.dof_M0.tobytes()
         divided = self.steps, timestep, self.rows.tobytes(), *masses
         if divided != self._divided:

@@ -185,7 +185,7 @@ def _plain_friction(spec: Any, wheel: str) -> float:
     return float(along)
 
 
-def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> TireRows:
+def tire_rows(model: mujoco.MjModel, prefix: str = "") -> TireRows:
     """Return the rows of TIRE of a car in a compiled model, in the order of its wheels; none for the model `contact`.
 
     Raises:
@@ -194,11 +194,11 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
     tires = tires_of(model, prefix)
     if tires.is_contact:
         return np.zeros(0, TIRE)
-    _require_plain_contact(model, prefix, wheels)
-    _require_free_spins(model, prefix, wheels)
-    rows, law = np.zeros(len(wheels), TIRE), LAW_OF[tires.model]
-    common = _common(model, prefix, wheels)
-    for row, wheel in zip(rows, wheels, strict=True):
+    _require_plain_contact(model, prefix)
+    _require_free_spins(model, prefix)
+    rows, law = np.zeros(len(WHEELS), TIRE), LAW_OF[tires.model]
+    common = _common(model, prefix)
+    for row, wheel in zip(rows, WHEELS, strict=True):
         axle = tires.axles[0 if wheel.startswith("front") else 1]
         row["law"], row["holds"], row["slides"] = LAWS.index(law), law.holds, axle.lateral.has_peak
         row["alike"] = axle.lateral == axle.longitudinal
@@ -216,11 +216,11 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
     return rows
 
 
-def _require_plain_contact(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> None:
+def _require_plain_contact(model: mujoco.MjModel, prefix: str) -> None:
     """Refuse what a model says of tires and tendons that our steps do not obey."""
-    for wheel in wheels:
-        pair = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire")
-        for name in ("margin", "gap", "adhesion") if pair >= 0 else ():
+    for wheel in WHEELS:
+        pair = element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire")
+        for name in ("margin", "gap", "adhesion"):
             value = float(getattr(model, f"pair_{name}")[pair])
             if value != 0.0 and value != _NEVER:
                 raise ModelError(f"pair '{wheel}_tire' has {name} {value:g}; accepted: 0, {_ON_CONTACTS}")
@@ -234,11 +234,10 @@ def _require_plain_contact(model: mujoco.MjModel, prefix: str, wheels: Sequence[
             )
 
 
-def _require_free_spins(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> None:
+def _require_free_spins(model: mujoco.MjModel, prefix: str) -> None:
     """Refuse equalities of the wheels' spins: they act once a physics step, in which a tire answers many times."""
-    spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in wheels]
-    drive = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")  # -1: wheels that are no car's
-    loss = float(model.tendon_frictionloss[drive]) if drive >= 0 else 0.0
+    spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
+    loss = float(model.tendon_frictionloss[element_id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")])
     if loss > 0.0:
         raise ModelError(f"tendon 'drive' has frictionloss {loss:g}; accepted: a numeric 'drag_brake' [N] in <custom>")
     for equality in range(model.neq):
@@ -286,9 +285,9 @@ def _damped_by(model: mujoco.MjModel, tendon: int) -> float:
     return float(damping * (model.wrap_prm[fixed] ** 2 / inertia).sum())
 
 
-def _common(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> list[int]:
+def _common(model: mujoco.MjModel, prefix: str) -> list[int]:
     """Return the dofs that move more than one wheel, and those above them; of one wheel alone, none but its own do."""
-    chains = [_chain(model, element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel")) for wheel in wheels]
+    chains = [_chain(model, element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel")) for wheel in WHEELS]
     dofs = [dof for chain in chains for dof in chain]
     found = sorted({dof for dof in dofs if dofs.count(dof) > 1})
     if len(found) > _MOST_COMMON:
@@ -364,7 +363,8 @@ def steps_within(model: mujoco.MjModel, rows: TireRows, timestep: float) -> int:
 
 def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
     """Return how a car is steered and driven, (1,) of GEAR, but for `first_tire`; ModelError: no such car."""
-    gears, kinds = no_gear(), mujoco.mjtObj
+    gears, kinds = np.zeros(1, GEAR), mujoco.mjtObj
+    gears["free_dof"] = gears["first_tire"] = -1
     gear = gears[0]
     for k, name in enumerate(("steering", "speed")):
         servo = element_id(model, kinds.mjOBJ_ACTUATOR, f"{prefix}{name}")
@@ -384,7 +384,7 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
         free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
         gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
         gear["drag"] = _drag(model, prefix) * model.body_subtreemass[model.jnt_bodyid[free]]
-        _find_common(model, gear, _common(model, prefix, WHEELS))
+        _find_common(model, gear, _common(model, prefix))
         _find_steering(model, prefix, gear)
         gear["driven"] = _drives_spins(model, gear)
     gears.flags.writeable = False
@@ -467,13 +467,6 @@ def _drives_spins(model: mujoco.MjModel, gear: Any) -> bool:
     return set(model.jnt_dofadr[model.wrap_objid[wraps]].tolist()) <= set(spins)
 
 
-def no_gear() -> GearRows:
-    """Return the row of GEAR of contacts, or of wheels that are no car's, (1,): nothing steers or drives them."""
-    gears = np.zeros(1, GEAR)
-    gears["free_dof"] = gears["first_tire"] = -1
-    return gears
-
-
 def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
     """Switch off in a compiled model, in place, what `push_car` does; return whether the car has tires of ours.
 
@@ -482,12 +475,9 @@ def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
     if tires_of(model, prefix).is_contact:
         return False
     for wheel in WHEELS:
-        pair = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire")
-        if pair >= 0:
-            model.pair_margin[pair] = _NEVER
+        model.pair_margin[element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire")] = _NEVER
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}steering") >= 0  # else no car, but wheels
-    if named and gear_row(model, prefix)["steered"][0]:
+    if gear_row(model, prefix)["steered"][0]:
         model.eq_active0[ackermann(model, steering_of(model, prefix)[1])] = 0
     return True
 
@@ -500,8 +490,8 @@ def userdata_place(model: mujoco.MjModel, prefix: str = "") -> int:
     return before * USERDATA * len(WHEELS)
 
 
-def peaks(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> FloatArray:
-    """Return the friction coefficient of each tire, or its lateral peak [-]. Shape (wheels,), a copy."""
-    pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in wheels]
+def peaks(model: mujoco.MjModel, prefix: str = "") -> FloatArray:
+    """Return the friction coefficient of each tire, or its lateral peak [-]. Shape (4,), a copy."""
+    pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
     found: FloatArray = model.pair_friction[pairs, 0]
     return found

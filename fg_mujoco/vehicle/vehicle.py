@@ -138,8 +138,7 @@ class Vehicle:
         return self.reliable_mu()
 
     def reliable_mu(self, tires: Tires | None = None, mu: float | None = None) -> float:
-        """Return the friction that the car can rely on [-], as its planners do; None: of its own tires, with their mu.
-        """
+        """Return the friction that the car can rely on [-], as its planners do; None: its own tires, with their mu."""
         tires = tires or self.tires
         if tires.peak is not None:
             return tires.least_share * (mu or tires.peak)

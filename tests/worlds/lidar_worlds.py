@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 
 from fg_mujoco.lidar.beams import LidarModel
-from fg_mujoco.lidar.lidar import lidar_spec
 
 GEOM = mujoco.mjtGeom
 RIG = "rig"
@@ -18,7 +17,7 @@ def rig_spec(*, sensors=True, floor=True):
     if floor:
         spec.worldbody.add_geom(name="floor", type=GEOM.mjGEOM_PLANE, size=(0, 0, 1))
     rig = spec.worldbody.add_body(name=RIG, mocap=True)
-    spec.attach(lidar_spec(sensors=sensors), frame=rig.add_frame(), prefix=PREFIX)
+    spec.attach(LidarModel.load().spec(sensors=sensors), frame=rig.add_frame(), prefix=PREFIX)
     return spec
 
 

@@ -188,9 +188,7 @@ class Sensor:
         return {"sensor": self.kind, **{name: value for name, value in asdict(self).items() if value is not None}}
 
 
-SENSORS: Registry[type[Sensor]] = Registry(
-    "sensor", SettingsError, "fg_mujoco.sensors", instance_of=type
-)
+SENSORS: Registry[type[Sensor]] = Registry("sensor", SettingsError, "fg_mujoco.sensors", instance_of=type)
 """Sensors by name. A module that defines one adds it; other packages register theirs as entry points."""
 
 
