@@ -60,13 +60,7 @@ _JUMP = 5.0  # times the usual width: a width that is no longer that of a wall b
 def write_centreline(track: Track, path: str | Path, header_lines: Sequence[str] = ()) -> None:
     """Write the centreline and widths of a track; `read_centreline` gives the same numbers back.
 
-    Args:
-      track: what to write.
-      path: the file; replaced if it exists.
-      header_lines: comments to put before the column names, without their `# `.
-
-    Raises:
-      TrackError: a path that cannot be written.
+    `header_lines` are comments above the column names. Raises TrackError for a path that cannot be written.
     """
     try:
         from .writing import write_file
@@ -157,11 +151,7 @@ def read_centreline(
 
 
 def read_points(path: str | Path) -> FloatArray:
-    """Return the points of a centreline file, whose widths, if it has any, are not used. Shape (n, 2) [m].
-
-    Raises:
-      TrackError: as `read_centreline`, but for what concerns widths.
-    """
+    """Return the points of a centreline file, whose widths are not used, (n, 2) [m]; raise as `read_centreline`."""
     return _read(Path(path))[0]
 
 
@@ -185,11 +175,7 @@ def _specified(name: str) -> re.Match[str] | None:
 
 
 def load_centreline(name: str) -> Track:
-    """Load a track by `FILE.csv` or `FILE.csv[SETTING=VALUE,...]`; the settings are those of `read_centreline`.
-
-    Raises:
-      TrackError: an unknown setting, or a value that it does not take; and what `read_centreline` raises.
-    """
+    """Load a track by `FILE.csv` or `FILE.csv[SETTING=VALUE,...]`, with settings and errors of `read_centreline`."""
     match = _specified(name)
     if match is None:
         return read_centreline(name, said=True)

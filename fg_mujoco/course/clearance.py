@@ -36,13 +36,7 @@ def least_clearance(poses: FloatArray, segments: FloatArray, car: CarParameters)
 
 
 def clearances(poses: FloatArray, segments: FloatArray, car: CarParameters) -> FloatArray:
-    """Return the least distance from the car's footprint to any segment, at each pose. Shape (n,) [m].
-
-    Args:
-      poses: as `least_clearance` takes them.
-      segments: likewise.
-      car: whose footprint it is.
-    """
+    """Return the same as `least_clearance`, but at each pose. Shape (n,) [m]."""
     found = np.empty(len(poses))
     _clearances(
         poses, segments if segments.ndim == 3 else segments[np.newaxis], 0.5 * car.length - car.rear_overhang,

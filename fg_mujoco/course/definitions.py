@@ -33,11 +33,7 @@ def definition_sha256(definition: Mapping[str, FloatArray]) -> str:
 
 
 def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
-    """Return the Track, MapTrack or Scene of a name whose `definition` these numbers are.
-
-    Raises:
-      TrackError: the numbers are those of a course of another class.
-    """
+    """Return the Track, MapTrack or Scene whose `definition` this is; raise TrackError for that of another class."""
     from .scene import Scene
     from .walled_track import MapTrack
 
@@ -59,6 +55,4 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
             goal_is_to_stop=bool(goal_is_to_stop), walls=solids_of(definition["walls"]),
             obstacles=solids_of(definition["obstacles"]), moving=moving,
         )  # fmt: skip
-    raise TrackError(
-        f"course {name!r} is made of {', '.join(definition)}; accepted: the parts of a Track or a Scene"
-    )
+    raise TrackError(f"course {name!r} is made of {', '.join(definition)}; accepted: the parts of a Track or a Scene")

@@ -38,8 +38,7 @@ class TomlFile:
     def located(self, message: str) -> str:
         """Return a message with the line of the key that it is about, or with the file alone if that is not known.
 
-        It is the key with whose value the message begins, as of a file that cannot be read, or the first that it names,
-        which is then spelled as in the file.
+        It is the key with whose value the message begins, or the first that it names, then spelled as in the file.
         """
         for key, value in self.values.items():
             if isinstance(value, str) and value and message.startswith(value):
@@ -53,11 +52,7 @@ class TomlFile:
 
 
 def read_toml(path: str | Path) -> TomlFile:
-    """Return the content of a TOML file.
-
-    Raises:
-      SettingsError: it cannot be read, is larger than settings are, or is no TOML.
-    """
+    """Return the content of a TOML file; raise SettingsError for one that is none, or larger than settings are."""
     path = Path(path)
     try:
         text = read_bytes(path, _MOST_BYTES).decode("utf-8")
@@ -114,11 +109,7 @@ def read_value(text: str) -> Any:
 
 
 def parse_json(text: str | bytes) -> Any:
-    """Return the value of a JSON text as it stands.
-
-    Raises:
-      ValueError, RecursionError: it is no JSON, or an object has a key twice.
-    """
+    """Return the value of a JSON text as it stands; raise ValueError, RecursionError for none, or a key twice."""
     return json.loads(text, object_pairs_hook=_once)
 
 
@@ -133,11 +124,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def read_json(text: str | bytes, accepted: str) -> Any:
-    """Return the value of a JSON text.
-
-    Args:
-      text: in JSON.
-      accepted: in its place, for messages.
+    """Return the value of a JSON text; `accepted` is said in the place of another.
 
     Raises:
       SettingsError: it is no JSON, is nested too deep, or has a number that is not finite or too large.
@@ -229,11 +216,7 @@ def _check_text(path: Path, text: str) -> None:
 
 
 def _line(text: str, key: str) -> int:
-    """Return the line on which a top-level key of a TOML text is first given, from 1.
-
-    A statement begins after the longest run of whole lines that can be read without it: what TOML says, without a
-    second grammar of it here.
-    """
+    """Return the line on which a top-level key begins, from 1: behind the longest run of whole lines without it."""
     lines, begins = text.splitlines(keepends=True), 1
     for count in range(1, len(lines) + 1):
         try:

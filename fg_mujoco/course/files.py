@@ -90,11 +90,7 @@ def _status(path: str | Path) -> object:
 
 
 def require_regular(path: str | Path) -> None:
-    """Make sure that a file is one to be read to its end.
-
-    Raises:
-      OSError: there is none, or it is a folder, a FIFO or a device; `strerror` says it.
-    """
+    """Raise OSError, whose `strerror` says why, unless a file can be read to its end: no folder, FIFO or device."""
     if (noted := _noted.get()) is not None:
         noted[str(path)] = _status(path)
     try:
@@ -108,11 +104,7 @@ def require_regular(path: str | Path) -> None:
 
 
 def read_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
-    """Return the contents of a regular file.
-
-    Raises:
-      OSError: as `require_regular`, or the file has more than `most` bytes, or cannot be read; `strerror` says it.
-    """
+    """Return the contents of a regular file of at most `most` bytes; raise OSError, as `require_regular`."""
     require_regular(path)
     with open(path, "rb") as file:
         content = file.read(most + 1)
@@ -125,8 +117,7 @@ def read_text(path: str | Path, most: int = MOST_BYTES) -> str:
     """Return the text of a regular file in UTF-8, without the signature that Windows editors put first.
 
     Raises:
-      OSError: as `read_bytes`.
-      UnicodeDecodeError: it is not UTF-8.
+      OSError, UnicodeDecodeError: as `read_bytes`; it is not UTF-8.
     """
     return read_bytes(path, most).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
 
@@ -159,8 +150,7 @@ def read_arrays(path: str | Path, names: Sequence[str], most: int) -> dict[str, 
       most: bytes that all of them have together, whatever the file says.
 
     Raises:
-      OSError: as `require_regular`.
-      ValueError, EOFError, zipfile.BadZipFile: no such file, other arrays, or more than `most` bytes.
+      OSError, ValueError, EOFError, zipfile.BadZipFile: no such file, other arrays, or more bytes.
     """
     require_regular(path)
     with np.load(path, allow_pickle=False) as file:
@@ -172,20 +162,12 @@ def read_arrays(path: str | Path, names: Sequence[str], most: int) -> dict[str, 
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the content of a TOML text as it stands; that of a user is read by `documents`, with bounds.
-
-    Raises:
-      ValueError, RecursionError: it is no TOML.
-    """
+    """Return the content of a TOML text as it stands, unlike `documents`; raise ValueError, RecursionError."""
     return tomllib.loads(text)
 
 
 def file_sha256(*paths: str | Path) -> str:
-    """Return the hash of a file, or of several one after the other, without holding them in memory.
-
-    Raises:
-      OSError: one cannot be read.
-    """
+    """Return the hash of a file, or of several one after the other, without holding them in memory; raise OSError."""
     digest = hashlib.sha256()
     for path in paths:
         with open(path, "rb") as file:

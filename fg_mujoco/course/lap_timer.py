@@ -112,11 +112,9 @@ class LapTimer:
         return tuple(self._lap_times[0, : self.laps_completed].tolist())
 
     def update(self, time: float, position: Sequence[float]) -> int:
-        """Take the car's position at a time, and answer the number of laps completed.
+        """Take the car's position, x and y [m], at a time [s] after the last, and return the number of laps completed.
 
-        Args:
-          time: not before that of the last update [s].
-          position: of the car, x and y [m]; at most half a lap from the last one along the line.
+        The car is at most half a lap from the last position along the line.
         """
         x, y = position
         laps = self.laps_completed
@@ -142,10 +140,10 @@ def time_lap(
     length: float,
     modulus: float,
 ) -> None:
-    """Give one of some timers the position of its car.
+    """Give timer i of (n,) of LAP_TIMER, which have been through `first_seen`, the position of its car at a time.
 
     Args:
-      timers: (n,) of LAP_TIMER, written to. Before the first update they must have been through `first_seen`.
+      timers: written to.
       i: which of them.
       lap_times: (n, at least one more than completed) [s], written to.
       time: of the update [s].

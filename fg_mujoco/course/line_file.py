@@ -107,9 +107,7 @@ def read_line_file(path: str | Path, *, course: bool, line: str | None = None) -
       line: which of the lines of a file of several; None: as `course` says.
 
     Raises:
-      TrackError: with the file, and the line where there is one: a file that cannot be read or is empty, a header that
-        names no x and y or a column twice, a wrong number of columns, a cell that is no finite number, a width or a
-        speed that is not positive, a unit that cannot be, more than MOST_POINTS points.
+      TrackError: with the file, and the line where there is one: what cannot be understood, or is too much.
     """
     path = Path(path)
     if path.suffix.lower() in FOREIGN:
@@ -169,11 +167,7 @@ def _understood(path: Path, table: Table, course: bool) -> LineFile:
 
 
 def _named_by_rows(path: Path, table: Table) -> Table:
-    """Return a table without a header with the names that its rows agree with.
-
-    Raises:
-      TrackError: columns that are nowhere a line, or, of a raceline, whose heading or distance is none.
-    """
+    """Return a table without a header with the names that its rows agree with; raise TrackError for none."""
     names = table.names
     rows = np.array([[_cell(cell) for cell in row] for row in table.rows])
     at = names.index(COLUMNS[0])
@@ -231,11 +225,7 @@ def raceline_columns(points: FloatArray, speeds: FloatArray | None) -> dict[str,
 
 
 def require_closed(points: FloatArray) -> None:
-    """Make sure that a line (n, 2) [m] ends about where it begins.
-
-    Raises:
-      TrackError: it does not; the message says by how much.
-    """
+    """Raise TrackError for a line (n, 2) [m] that does not end about where it begins; the message says by how much."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     gap, longest = float(np.hypot(*(points[0] - points[-1]))), float(steps.max(initial=0.0))
     closed = max(_LEAST_GAP, _WIDEST_GAP * longest)
@@ -253,11 +243,7 @@ def require_closed(points: FloatArray) -> None:
 
 
 def read_text_table(path: Path, said: str = "") -> Table:
-    """Return the table of a text file in UTF-8, or in Latin-1, in which older programs write.
-
-    Raises:
-      TrackError: it cannot be read, is empty, or has rows of different lengths.
-    """
+    """Return the table of a text file in UTF-8, or in Latin-1, in which older programs write; raise TrackError."""
     content = read_line_bytes(path)
     if b"\0" in content:
         raise TrackError(f"{path}: is not a text file; accepted: a .csv of {', '.join(COLUMNS)}")
@@ -268,11 +254,7 @@ def read_text_table(path: Path, said: str = "") -> Table:
 
 
 def read_line_bytes(path: Path) -> bytes:
-    """Return the content of a file of a line.
-
-    Raises:
-      TrackError: it cannot be read.
-    """
+    """Return the content of a file of a line; raise TrackError for one that cannot be read."""
     accepted = f"accepted: a .csv of {', '.join(COLUMNS)}"
     try:
         return read_bytes(path)
@@ -285,11 +267,7 @@ def read_line_bytes(path: Path) -> bytes:
 
 
 def require_few(where: object, number: int, what: str) -> None:
-    """Refuse a file of more points or columns than a line has.
-
-    Raises:
-      TrackError: it is so.
-    """
+    """Raise TrackError for a file of more points or columns than a line has."""
     most = MOST_POINTS if what == "point" else MOST_COLUMNS
     if number > most:
         raise TrackError(f"{where}: more than {most} {what}s; accepted: {most} at most")
@@ -349,11 +327,7 @@ NUMBERS = f"4, {', '.join(COLUMNS)}; or, without widths, 2, 3, 4, 6 or 7; or a h
 
 
 def unnamed(path: Path, rows: Sequence[Sequence[float]], said: str = "") -> Table:
-    """Return the table of rows whose columns have no names.
-
-    Raises:
-      TrackError: a number of columns that says nothing.
-    """
+    """Return the table of rows whose columns have no names; raise TrackError where their number says nothing."""
     columns = _WITHOUT_HEADER.get(len(rows[0]) if len(rows) else 0, ())
     if not columns:
         raise TrackError(f"{path}: has {len(rows[0]) if len(rows) else 0} columns; accepted: {NUMBERS}")

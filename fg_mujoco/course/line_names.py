@@ -91,12 +91,8 @@ def name_a_line(names: tuple[str, ...]) -> bool:
 def places_of(where: str, columns: tuple[str, ...]) -> tuple[tuple[int, ...], dict[str, int], tuple[int, ...]]:
     """Return the columns of x and y, of what else is known, and of two boundaries; nothing where there are none.
 
-    Args:
-      where: the names stand, for messages.
-      columns: their names.
-
     Raises:
-      TrackError: no line or several, a column twice, or one side's width only.
+      TrackError: no line or several, a column twice, or one side's width only; `where` is said.
     """
     named = ", ".join(columns[:SHOWN])
     lines = lines_of(columns)

@@ -149,11 +149,9 @@ class Mjcf:
 
 
 def checked_mjcf(text: str, *, folder: Path | None = None) -> Mjcf:
-    """Return the document of an MJCF text.
+    """Return the document of an MJCF text of one <mujoco> with all else.
 
-    Args:
-      text: of one <mujoco> with all else.
-      folder: in which the meshes and pictures lie that it names; None: it may name none.
+    Meshes and pictures that it names lie in `folder`; None: it may name none.
 
     Raises:
       ValueError: no XML, a document type, or what is not accepted; the message says what is.

@@ -148,40 +148,10 @@ def moving_obstacles(model: Any) -> tuple[MovingObstacle, ...]:
     return tuple(MovingObstacle.of(model.numeric(name).data) for name in names)
 
 
-def make_mover(model: Any) -> Mover | None:
-    """Return the mover of a compiled model's moving obstacles; None where it has none."""
-    return Mover(model) if model.nmocap else None
-
-
-class Mover:
-    """Moves the moving obstacles of a model.
-
-    Args:
-      model: the compiled mujoco.MjModel of a World.
-
-    Attributes:
-      obstacles: tuple of MovingObstacle, by mocap id.
-    """
-
-    def __init__(self, model: Any) -> None:
-        self.obstacles = moving_obstacles(model)
-
-    def place(self, data: Any) -> None:
-        """Put each where it is at `data.time`; body poses want mj_kinematics after."""
-        self.write_positions(data.time, data.mocap_pos)
-
-    def write_positions(self, time: float, out: FloatArray) -> None:
-        """Write where each is at a time [s] into `out` (n, 3) [m], world frame."""
-        for row, obstacle in zip(out, self.obstacles, strict=True):
-            row[0], row[1] = obstacle.position(time)
-
-    def positions(self, time: float, timestep: float, steps: int) -> FloatArray:
-        """Return the position of each at a time [s], and after each of so many steps. Shape (steps + 1, n, 3) [m]."""
-        found = np.zeros((steps + 1, len(self.obstacles), 3))
-        for row in found:
-            self.write_positions(time, row)
-            time += timestep  # as MuJoCo sums it up
-        return found
+def place_moving(obstacles: Sequence[MovingObstacle], data: Any) -> None:
+    """Put moving obstacles, by mocap id, where they are at `data.time`; body poses want mj_kinematics after."""
+    for row, obstacle in zip(data.mocap_pos, obstacles, strict=True):
+        row[0], row[1] = obstacle.position(data.time)
 
 
 def moving_or_text(value: Any) -> str | tuple[MovingObstacle, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -106,7 +106,7 @@ class Prism:
 
 
 Obstacle = Box | Cylinder | Prism
-
+"""An obstacle that stands on a course."""
 
 KINDS: dict[str, Any] = {"box": Box, "cylinder": Cylinder, "prism": Prism}
 """Name of a kind of obstacle in a file -> its class."""
@@ -118,11 +118,7 @@ def described_obstacles(obstacles: Sequence[Obstacle]) -> list[dict[str, Any]]:
 
 
 def obstacles_or_count(value: Any) -> tuple[Obstacle, ...] | int:
-    """Return obstacles, or how many boxes there are to be.
-
-    Raises:
-      SettingsError: it is neither.
-    """
+    """Return obstacles, or how many boxes there are to be; raise SettingsError for neither."""
     if isinstance(value, int) and not isinstance(value, bool):
         require_whole("obstacles", value, 0)
         return value
@@ -133,11 +129,7 @@ def obstacles_or_count(value: Any) -> tuple[Obstacle, ...] | int:
 
 
 def as_obstacles(values: Iterable[Obstacle | Mapping[str, Any]]) -> tuple[Obstacle, ...]:
-    """Return obstacles; a mapping has the kind of one, "box", "cylinder" or "prism", and its fields.
-
-    Raises:
-      SettingsError: something else.
-    """
+    """Return obstacles; a mapping has the `kind` of one and its fields; raise SettingsError."""
     found: list[Obstacle] = []
     for place, value in enumerate(values):
         solid: Any = value
@@ -166,13 +158,7 @@ def require_obstacles(obstacles: Any) -> None:
             raise SettingsError(f"obstacles[{index}] is {shown(each)}; {accepted}")
 
 
-"""An obstacle that stands on a course."""
-
-_KINDS: tuple[Any, ...] = (Box, Cylinder, Prism)
-_SIZES: dict[Any, tuple[str, ...]] = {
-    Box: ("x", "y", "length", "width", "height", "heading"),
-    Cylinder: ("x", "y", "radius", "height"),
-}
+_KINDS: tuple[Any, ...] = tuple(KINDS.values())
 
 
 def solids_numbers(solids: tuple[Obstacle, ...]) -> FloatArray:
@@ -186,17 +172,13 @@ def solids_numbers(solids: tuple[Obstacle, ...]) -> FloatArray:
         if isinstance(solid, Prism):
             numbers = [solid.height, *(value for corner in solid.footprint for value in corner)]
         else:
-            numbers = [getattr(solid, name) for name in _SIZES[type(solid)]]
+            numbers = list(astuple(solid))
         row += [_KINDS.index(type(solid)), len(numbers), *numbers]
     return np.array(row, dtype=np.float64)
 
 
 def solids_of(numbers: FloatArray) -> tuple[Obstacle, ...]:
-    """Return the solids of a row that `solids_numbers` returned.
-
-    Raises:
-      IndexError, ValueError, SettingsError: a row that it cannot have returned.
-    """
+    """Return the solids of a row of `solids_numbers`; raise IndexError, ValueError or SettingsError for another row."""
     row = [float(number) for number in numbers]
     solids: list[Obstacle] = []
     place = 0
@@ -208,7 +190,7 @@ def solids_of(numbers: FloatArray) -> tuple[Obstacle, ...]:
             corners = tuple(zip(values[1::2], values[2::2], strict=True))
             solids.append(Prism(footprint=corners, height=values[0]))
         else:
-            solids.append(kind(**dict(zip(_SIZES[kind], values, strict=True))))
+            solids.append(kind(**dict(zip((each.name for each in fields(kind)), values, strict=True))))
     return tuple(solids)
 
 

@@ -114,11 +114,7 @@ def _overlaps(boxes: tuple[FloatArray, ...], found_first: IndexArray, found_seco
 
 
 def crossings(first: FloatArray, second: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Find the segments of `first` (n, 2, 2) that cross or touch those of `second` (m, 2, 2).
-
-    Returns:
-      Indices into `first` and into `second`, shape (k,) each.
-    """
+    """Find which of `first` (n, 2, 2) cross or touch which of `second` (m, 2, 2): indices into both, (k,) each."""
     i, j = nearby(first, second)
     (a, b), (c, d) = np.moveaxis(first[i], 1, 0), np.moveaxis(second[j], 1, 0)
     straddles = cross(b - a, c - a) * cross(b - a, d - a) <= 0.0
@@ -159,13 +155,7 @@ def runs(marked: NDArray[np.bool_]) -> tuple[IndexArray, IndexArray]:
 def resample(points: FloatArray, spacing: float, *columns: FloatArray) -> tuple[FloatArray, ...]:
     """Resample at even steps of arc length, nearest to `spacing` [m] that divide the loop; the first point stays.
 
-    Args:
-      points: shape (n, 2) [m].
-      spacing: wanted step [m].
-      columns: values at the points, shape (n,) each, interpolated linearly alongside.
-
-    Returns:
-      The new points (m, 2), then each column (m,).
+    The columns are values at the points (n,), and are interpolated linearly. Returns points (m, 2) and columns (m,).
     """
     at = np.concatenate(([0.0], np.cumsum(step_lengths(points))))
     count = max(3, round(at[-1] / spacing))
@@ -219,15 +209,9 @@ def distance_to_segment(points: FloatArray, start: FloatArray, end: FloatArray) 
 
 
 def rounded_polygon(corners: FloatArray, radii: FloatArray, spacing: float = 0.05) -> FloatArray:
-    """Polygon whose corners are replaced by tangent arcs.
+    """Polygon whose corners (n, 2) are replaced by tangent arcs of `radii` (n,), 0 for none [m].
 
-    Args:
-      corners: shape (n, 2) [m].
-      radii: radius of the arc at each corner, 0 for none. Shape (n,) [m].
-      spacing: step of the points along the arcs [m]; straight parts have none between.
-
-    Returns:
-      Shape (m, 2) [m], from the end of the first corner's arc on.
+    Shape (m, 2) [m], from the end of the first corner's arc on, in steps of `spacing` [m] along the arcs.
     """
     angle = turns(corners)
     after = steps(corners) / step_lengths(corners)[:, None]

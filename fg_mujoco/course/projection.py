@@ -222,8 +222,7 @@ def _nearest(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the distances (n,) of points (n, 2) to the nearest of lines (m, 2, 2), and where that is (n, 2) [m].
 
-    Points are looked for within `reach` [m], and then farther, up to _AROUND times as far; one that is near none has
-    inf and NaN. `belongs` tells which pairs of points and lines count.
+    It is looked for within `reach` [m], then up to _AROUND times as far; else inf and NaN. `belongs` says who counts.
     """
     least, found = np.full(len(points), np.inf), np.full((len(points), 2), np.nan)
     pending = np.arange(len(points))

@@ -14,7 +14,6 @@ import numpy as np
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, require_whole
 from .course import CLEAR_AHEAD, CLEAR_BEHIND, Course
-from .moving_obstacles import MovingObstacle
 from .obstacles import Box
 from .polyline import turns
 
@@ -28,16 +27,8 @@ _SIDES = (0.2, 0.5)  # [m] length and width of a box are between
 _STEP = 0.1  # [m] of the stations along the line at which the track's width is looked at
 
 
-class Corridor(Protocol):
-    """The members of a track that `ObstacleSites` needs."""
-
-    @property
-    def name(self) -> str:
-        """For messages."""
-
-    @property
-    def length(self) -> float:
-        """Length of a lap [m]."""
+class Corridor(Course, Protocol):
+    """A course whose room beside its line is known, as that of a track."""
 
     @property
     def centreline(self) -> FloatArray:
@@ -55,23 +46,9 @@ class Corridor(Protocol):
     def corridor_left(self) -> FloatArray:
         """Free room to the left of each point. Shape (n,) [m]."""
 
-    @property
-    def moving(self) -> tuple[MovingObstacle, ...]:
-        """Obstacles that move."""
-
-    def start_pose(self, s: float = 0.0, offset: float = 0.0) -> tuple[float, float, float]:
-        """As `Course.start_pose`."""
-
-    def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As `Course.project`."""
-
 
 class ObstacleSites:
-    """The places on a track where boxes may stand: none is where something moves.
-
-    Args:
-      track: the track.
-      car: that is to get past each box.
+    """The places on a track where boxes may stand that a car is to get past: none is where something moves.
 
     Attributes:
       gap: least width of the way past a box [m].
@@ -97,16 +74,7 @@ class ObstacleSites:
         self.most = 0 if room < 0.0 else 1 + int(room / SPACING)
 
     def place(self, count: int, start: float, rng: np.random.Generator) -> tuple[Box, ...]:
-        """Return boxes in the order in which a car meets them.
-
-        Args:
-          count: of the boxes.
-          start: progress of the car's start [m], any number of laps.
-          rng: what makes them random.
-
-        Raises:
-          SettingsError: more than there is room for.
-        """
+        """Return so many boxes for a car that starts at progress `start` [m], as it meets them; raise SettingsError."""
         if count > self.most:
             raise SettingsError(f"{count} obstacles on track {self._track.name!r}; accepted: at most {self.most}")
         if count == 0:
@@ -152,23 +120,10 @@ class ObstacleSites:
 
 
 def random_boxes(course: Course, count: int, seed: int, *, car: CarParameters, start: float = 0.0) -> tuple[Box, ...]:
-    """Return boxes at random places of a course: the same for the same arguments.
-
-    Args:
-      course: where they stand.
-      count: of the boxes.
-      seed: of their places and sizes.
-      car: that is to get past each box.
-      start: progress of the car's start [m].
-
-    Raises:
-      SettingsError: a course that takes none, more than there is room for, or a number that is not whole.
-    """
+    """Return so many boxes at random places, clear of a start at progress `start` [m]; raise SettingsError."""
     require_whole("obstacles", count, 0)
     require_whole("obstacle_seed", seed, 0)
-    if count == 0:
-        return ()
-    return course.obstacle_sites(car).place(count, start, np.random.default_rng(seed))
+    return () if count == 0 else course.obstacle_sites(car).place(count, start, np.random.default_rng(seed))
 
 
 def _turned(track: Corridor, s: FloatArray) -> FloatArray:

@@ -80,10 +80,9 @@ class Scene(Shown):
     def __repr__(self) -> str:
         return brief(self, quoted(self.name), self.description)
 
-    @property
-    def closed(self) -> bool:
-        """A scene is driven once, from its start to its goal."""
-        return False
+    closed = False
+    most_laps = 1
+    edges = ()  # solids, and no corridor
 
     @property
     def description(self) -> str:
@@ -126,11 +125,6 @@ class Scene(Shown):
         return self.start
 
     @property
-    def most_laps(self) -> int | None:
-        """From the start to the goal, once."""
-        return 1
-
-    @property
     def stop_time(self) -> float:
         """Time for which the car has to stand still behind the goal [s]."""
         return STOP_TIME if self.goal_is_to_stop else 0.0
@@ -142,11 +136,6 @@ class Scene(Shown):
     def wall_surface(self) -> Surface | None:
         """The walls are seen as the solids that they are."""
         return None
-
-    @property
-    def edges(self) -> tuple[FloatArray, ...]:
-        """A scene has solids and no corridor."""
-        return ()
 
     @property
     def ground_lines(self) -> FloatArray:

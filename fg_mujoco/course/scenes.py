@@ -58,11 +58,7 @@ def describe_scene(name: str) -> str:
 
 
 def load_scene(name: str, car: CarParameters) -> Course:
-    """Return the scene of a name: `scene:NAME:SEED`, or `scene:NAME`, which has seed 0.
-
-    Args:
-      name: of the scene.
-      car: that the scene is made for.
+    """Return the scene of a name, `scene:NAME:SEED`, or `scene:NAME`, which has seed 0, made for a car.
 
     Raises:
       TrackError: an unknown name, a seed that is no whole number from 0, a car that the bundled scenes have no room

@@ -15,16 +15,17 @@ from numpy.typing import ArrayLike
 from ..messages import CarParameters, FloatArray
 from .course import Course, outline, wall_outlines
 from .obstacles import Obstacle
+from .polyline import cross
 
 
 def off_course(course: Course, place: ArrayLike, on_line: ArrayLike, *, lane: bool = False) -> bool:
-    """Return whether a place is outside the walls, or within an island: no floor of the course.
+    """Return whether a place, x and y [m], is outside the walls, or within an island: no floor of the course.
 
     Args:
       course: with walls; without, nothing is off it.
-      place: x [m], y [m].
-      on_line: x [m], y [m] of the nearest point of the course's line. Where the course has no edges, but walls of
-        solids, the place is off the course if a wall stands between the two.
+      place: that is asked about.
+      on_line: the nearest point of the course's line, x and y [m]. Where the course has no edges, but walls of solids,
+        the place is off the course if a wall stands between the two.
       lane: whether the same holds on any course: then a place between the walls of another stretch is off it, too.
     """
     sides = _sides(course)
@@ -39,11 +40,7 @@ def stands_in_something(
 ) -> bool:
     """Return whether a car at a pose touches a wall or an obstacle, or stands within one; moving ones as at 0 s.
 
-    Args:
-      course: whose own obstacles stand there, too.
-      pose: of the rear axle, x [m], y [m], heading [rad].
-      car: whose footprint it is.
-      obstacles: that were put there.
+    The pose is of the rear axle, x [m], y [m], heading [rad]. The obstacles stand there besides the course's own.
     """
     from .clearance import least_clearance
 
@@ -58,14 +55,10 @@ def stands_in_something(
 
 def _crosses(sides: FloatArray, start: FloatArray, end: FloatArray) -> bool:
     """Return whether the way between two points (2,) crosses any of some lines (n, 4) [m]."""
-
-    def side(one: FloatArray, other: FloatArray, point: FloatArray) -> FloatArray:
-        along, away = other - one, point - one
-        return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
-
     one, other = sides[:, :2], sides[:, 2:]
-    apart = side(one, other, start) * side(one, other, end) < 0.0
-    return bool((apart & (side(start, end, one) * side(start, end, other) < 0.0)).any())
+    along, way = other - one, end - start
+    apart = cross(along, start - one) * cross(along, end - one) < 0.0
+    return bool((apart & (cross(way, one - start) * cross(way, other - start) < 0.0)).any())
 
 
 @lru_cache(maxsize=8)

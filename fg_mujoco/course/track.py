@@ -25,7 +25,7 @@ from .course import CLEAR_AHEAD, CLEAR_BEHIND, Sites, default_time_limit
 from .line_file import MOST_POINTS
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
-from .polyline import cross, segments, self_crossings, step_lengths, steps, turns
+from .polyline import cross, segments, self_crossings, step_lengths, steps, subdivide, turns
 from .projection import progress_by_sections, project_near, with_sections
 from .track_mesh import Surface, wall_prisms, wall_surface
 from .track_walls import MAX_TURN, shared_widths, wall_lines
@@ -115,10 +115,11 @@ class Track(Shown):
         ends = (self.arc_length[-1:] - self.length, self.arc_length, self.arc_length[:1] + self.length)
         return np.concatenate(ends), *(np.concatenate((side[-1:], side, side[:1])) for side in self._corridor)
 
-    @property
-    def closed(self) -> bool:
-        """A track is driven for laps."""
-        return True
+    closed = True
+    origin = None  # progress of a race is counted from where the car is first seen
+    most_laps = None
+    stop_time = 0.0
+    obstacles = ()  # nothing stands on a track but its walls and islands
 
     @property
     def description(self) -> str:
@@ -134,21 +135,6 @@ class Track(Shown):
         """Period of progress: the length [m]."""
         return self.length
 
-    @property
-    def origin(self) -> float | None:
-        """Progress of a race is counted from where the car is first seen."""
-        return None
-
-    @property
-    def most_laps(self) -> int | None:
-        """Any number of laps can be driven."""
-        return None
-
-    @property
-    def stop_time(self) -> float:
-        """Nobody has to stop at the line [s]."""
-        return 0.0
-
     def longest_race(self, laps: int) -> float:
         """Return the time limit of a race: the time that a car as slow as SLOWEST_RACE needs [s]."""
         return default_time_limit(laps, self.length)
@@ -161,7 +147,7 @@ class Track(Shown):
     @cached_property
     def arc_length(self) -> FloatArray:
         """Progress at each point, 0 at the first. Shape (n,) [m], read-only."""
-        return read_only(np.concatenate(([0.0], np.cumsum(step_lengths(self.centreline))[:-1])))
+        return read_only(np.concatenate(([0.0], np.cumsum(self._lengths)[:-1])))
 
     @cached_property
     def headings(self) -> FloatArray:
@@ -172,8 +158,7 @@ class Track(Shown):
     @cached_property
     def curvature(self) -> FloatArray:
         """Curvature at each point, left positive: turn over half the two segments. Shape (n,) [1/m], read-only."""
-        lengths = step_lengths(self.centreline)
-        return read_only(turns(self.centreline) / (0.5 * (lengths + np.roll(lengths, 1))))
+        return read_only(turns(self.centreline) / (0.5 * (self._lengths + np.roll(self._lengths, 1))))
 
     @cached_property
     def map_line(self) -> MapLine:
@@ -204,12 +189,12 @@ class Track(Shown):
     @cached_property
     def walls(self) -> tuple[Obstacle, ...]:
         """The convex solids that the walls are made of: one for each segment of their inner faces."""
-        feet = wall_prisms(self)[:, :4, :2].tolist()
+        feet = wall_prisms(self.edges)[:, :4, :2].tolist()
         return tuple(Prism(footprint=tuple((x, y) for x, y in corners)) for corners in feet)
 
     def wall_surface(self) -> Surface | None:
         """Return one mesh of all walls, which is seen in place of the solids."""
-        return wall_surface(self)
+        return wall_surface(self.edges)
 
     @property
     def edges(self) -> tuple[FloatArray, ...]:
@@ -222,11 +207,6 @@ class Track(Shown):
         x, y, heading = self.start_pose()
         aside = np.array([-math.sin(heading), math.cos(heading)])
         return (np.array([x, y]) + np.outer((self.corridor_left[0], -self.corridor_right[0]), aside))[np.newaxis]
-
-    @property
-    def obstacles(self) -> tuple[Obstacle, ...]:
-        """Nothing stands on a track but its walls and islands."""
-        return ()
 
     def check_car(self, car: CarParameters) -> None:
         """Raise TrackError for a track that is not wider than the car, or whose corners leave no room for walls."""
@@ -249,15 +229,9 @@ class Track(Shown):
     def draw_start(
         self, rng: np.random.Generator, car: CarParameters, obstacles: tuple[Obstacle, ...] = ()
     ) -> tuple[float, float, float]:
-        """Return a random standing start anywhere on the lap, near the centreline and along it.
+        """Return a random standing start, as `Course.draw_start` says, near the centreline and along it.
 
         With obstacles it is where `random_boxes` would leave room for it: none is near, and nothing moves there.
-
-        Returns:
-          Progress [m], offset [m], and heading [rad] from that of the centreline.
-
-        Raises:
-          SettingsError: obstacles everywhere.
         """
         points = [obstacle.corners().mean(axis=0) for obstacle in obstacles]
         points += [np.array(end) for each in self.moving for end in (each.start, each.end)]
@@ -321,9 +295,9 @@ class Track(Shown):
 
         Args:
           points: shape (k, 2) [m].
-          near: progress that each point had shortly before, a number or shape (k,) [m]. The search starts there and
-            goes along the line, so that a stretch that runs close by is never taken for this one. Without it, a
-            stretch in whose corridor the point lies is preferred to one whose centreline is merely nearer.
+          near: progress that each point had shortly before, a number or shape (k,) [m]. The search goes along the line
+            from there, so that a stretch that runs close by is never taken for this one. Without it, a stretch in whose
+            corridor the point lies is preferred to one whose centreline is merely nearer.
 
         Returns:
           s in [0, length), and the offset from the nearest place, left positive. Shape (k,) [m] each.
@@ -350,7 +324,7 @@ class Track(Shown):
         everywhere_outside = outside.all(axis=1, keepdims=True)
         best = np.argmin(np.where(outside & ~everywhere_outside, np.inf, distance), axis=1)
         k = np.arange(len(points))
-        s = self.arc_length[best] + share[k, best] * step_lengths(self.centreline)[best]
+        s = self.arc_length[best] + share[k, best] * self._lengths[best]
         return s % self.length, np.where(is_left[k, best], 1.0, -1.0) * distance[k, best]
 
     @cached_property
@@ -368,12 +342,7 @@ class Track(Shown):
 
 
 def check_size(line: FloatArray) -> None:
-    """Refuse a line (n, 2) of finite numbers [m] that is too much to work on, or too far away.
-
-    Raises:
-      TrackError: more than MOST_POINTS points, a coordinate beyond FURTHEST, a line longer than LONGEST, or one that
-        goes to and fro in one place.
-    """
+    """Raise TrackError for a line (n, 2) of finite numbers [m] that is too much to work on, or too far away."""
     if len(line) > MOST_POINTS:
         raise TrackError(f"the centreline has {len(line)} points; accepted: {MOST_POINTS} at most")
     far = np.abs(line).max(axis=1) > FURTHEST
@@ -396,14 +365,9 @@ def check_size(line: FloatArray) -> None:
 
 def _densest_square(line: FloatArray) -> tuple[tuple[float, float], float]:
     """Return the corner of the square metre that holds most of a closed line (n, 2), and how much [m]."""
-    lengths = step_lengths(line)
-    pieces = np.maximum(np.ceil(lengths / 0.5), 1.0).astype(int)  # none is longer than half a square's side
-    segment = np.repeat(np.arange(len(line)), pieces)
-    place = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    share = (place + 0.5) / pieces[segment]
-    middles = line[segment] + share[:, None] * (np.roll(line, -1, axis=0) - line)[segment]
-    squares, found = np.unique(np.floor(middles), axis=0, return_inverse=True)
-    held = np.bincount(found.ravel(), weights=(lengths / pieces)[segment])
+    (pieces,) = subdivide(line, 0.5)  # none is longer than half a square's side
+    squares, found = np.unique(np.floor(segments(pieces).mean(axis=1)), axis=0, return_inverse=True)
+    held = np.bincount(found.ravel(), weights=step_lengths(pieces))
     densest = int(held.argmax())
     return (float(squares[densest, 0]), float(squares[densest, 1])), float(held[densest])
 

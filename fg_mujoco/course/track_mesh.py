@@ -8,12 +8,11 @@ that is seen and the solids that are hit both come from `wall_prisms`.
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SettingsError
 from ..messages import FloatArray
 from .polyline import crossings, segments, step_lengths, steps, turns
 
@@ -32,54 +31,27 @@ _FRONT, _BACK, _TOP = ((0, 1, 5), (0, 5, 4)), ((2, 3, 7), (2, 7, 6)), ((4, 5, 6)
 _ENDS = (((1, 2, 6), (1, 6, 5)), ((3, 0, 4), (3, 4, 7)))
 
 
-class Walled(Protocol):
-    """A corridor between two closed walls, as `Track` is."""
-
-    @property
-    def left_wall(self) -> FloatArray:
-        """Inner face of the left wall, closed, in driving order. Shape (m, 2) [m]."""
-
-    @property
-    def right_wall(self) -> FloatArray:
-        """Inner face of the right wall, closed, in driving order. Shape (k, 2) [m]."""
-
-    @property
-    def islands(self) -> tuple[FloatArray, ...]:
-        """Outlines of what stands between the walls, closed, counterclockwise. Shapes (j, 2) [m]."""
-
-
-def wall_prisms(track: Walled, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> FloatArray:
-    """Return convex pieces of the walls, one for each segment of the left wall, the right wall and the islands.
-
-    Args:
-      track: the circuit.
-      height: of the walls over the ground [m].
-      thickness: of the walls, behind their inner faces [m]; less where there is no room.
+def wall_prisms(edges: Sequence[FloatArray]) -> FloatArray:
+    """Return convex pieces of the walls of a circuit, one for each segment of its `Course.edges`.
 
     Returns:
       Corners of each piece, shape (m, 8, 3) [m]: 0 and 1 the bottom edge of the inner face, 2 and 3 that of the back,
       counterclockwise from above; 4 to 7 above 0 to 3.
-
-    Raises:
-      SettingsError: a height or thickness that is not positive.
     """
-    for name, value in (("height", height), ("thickness", thickness)):
-        if not 0.0 < value < np.inf:
-            raise SettingsError(f"{name} of the walls is {value!r} m; accepted: a positive number")
     mirror = np.array([1.0, -1.0])  # the right wall is the left wall of the mirrored track, and turns the other way
-    left = wall_footprints(track.left_wall, thickness)
-    right = wall_footprints(track.right_wall * mirror, thickness)[:, [1, 0, 3, 2]] * mirror
-    feet = np.concatenate((left, right, *(wall_footprints(island, thickness) for island in track.islands)))
+    left, *islands = (wall_footprints(edge) for edge in (edges[0], *edges[2:]))
+    right = wall_footprints(edges[1] * mirror)[:, [1, 0, 3, 2]] * mirror
+    feet = np.concatenate((left, right, *islands))
     ground = np.zeros((*feet.shape[:2], 1))
-    return np.concatenate((np.dstack((feet, ground)), np.dstack((feet, ground + height))), axis=1)
+    return np.concatenate((np.dstack((feet, ground)), np.dstack((feet, ground + WALL_HEIGHT))), axis=1)
 
 
-def wall_surface(track: Walled, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> Surface:
+def wall_surface(edges: Sequence[FloatArray]) -> Surface:
     """Return vertices (v, 3) [m] and triangles (t, 3) of the faces of `wall_prisms` that can be seen, normals outward.
 
-    The undersides are left out, and so are the ends where two pieces meet. Arguments and errors as `wall_prisms`.
+    The undersides are left out, and so are the ends where two pieces meet.
     """
-    prisms = wall_prisms(track, height, thickness)
+    prisms = wall_prisms(edges)
     first = 8 * np.arange(len(prisms))[:, None, None]
     faces = [(first + np.array(face)).reshape(-1, 3) for face in (_FRONT, _BACK, _TOP)]
     seams = np.concatenate((prisms[:, [1, 2], :2], prisms[:, [0, 3], :2])).reshape(-1, 4)
@@ -106,23 +78,16 @@ def wall_footprints(wall: FloatArray, thickness: float = WALL_THICKNESS) -> Floa
     narrowing = -(lean + lean_end)
     tapers = narrowing > 0.0
     depth[tapers] = np.minimum(thickness, _TAPER * lengths[tapers] / narrowing[tapers])
+    left, end = np.column_stack((-ahead[:, 1], ahead[:, 0])), np.roll(wall, -1, axis=0)
     for _ in range(_HALVINGS):
-        feet = _trapezoids(wall, ahead, depth, lean, lean_end)
+        back_end = end + depth[:, None] * (left + lean_end[:, None] * ahead)
+        back_start = wall + depth[:, None] * (left - lean[:, None] * ahead)
+        feet = np.stack((wall, end, back_end, back_start), axis=1)
         blocked = _reach_another(feet, wall)
         if len(blocked) == 0:
             break
         depth[blocked] *= 0.5
     return feet
-
-
-def _trapezoids(
-    wall: FloatArray, ahead: FloatArray, depth: FloatArray, lean: FloatArray, lean_end: FloatArray
-) -> FloatArray:
-    left, depth = np.column_stack((-ahead[:, 1], ahead[:, 0])), depth[:, None]
-    end = np.roll(wall, -1, axis=0)
-    back_end = end + depth * (left + lean_end[:, None] * ahead)
-    back_start = wall + depth * (left - lean[:, None] * ahead)
-    return np.stack((wall, end, back_end, back_start), axis=1)
 
 
 def _reach_another(feet: FloatArray, wall: FloatArray) -> np.ndarray:

@@ -126,10 +126,7 @@ def _share(
 
 
 def _offset(line: FloatArray, widths: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a point to the left of each point of a line, (n, 2) [m], and half the line's turn there, (n,) [rad].
-
-    The distance of a point to both segments that meet there is the width.
-    """
+    """Return points (n, 2) to the left of a line, a width away from both segments at each, and half its turns (n,)."""
     half_turn = 0.5 * turns(line)
     heading = np.arctan2(*steps(line).T[::-1]) - half_turn  # of the bisector at each point
     mitre = np.column_stack((-np.sin(heading), np.cos(heading))) / np.cos(half_turn)[:, None]
@@ -157,11 +154,7 @@ def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
 
 
 def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_turn: FloatArray) -> BoolArray:
-    """Return a mask of the points of the left wall, one for each of the line, in the corridor of another part of it.
-
-    The corridor of a segment is the trapezoid on it; on the outside of a corner it leans out to meet the next one. A
-    point beyond the line of that part is in it, too.
-    """
+    """Return which points of the left wall, one for each of the line, are in the corridor of another part of it."""
     i, j = nearby(np.stack((wall, wall), axis=1), segments(line), 2.0 * float(widths.max()))
     neighbour = (i == j) | (i == (j + 1) % len(line))
     i, j = i[~neighbour], j[~neighbour]
@@ -195,10 +188,7 @@ def _zigzags(turn: FloatArray) -> BoolArray:
 
 
 def _shorter_loops(i: IndexArray, j: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:
-    """First point and number of points of the shorter loop that each crossing of segments i < j makes.
-
-    That one is a fold: stretches far apart along the line do not meet, for they share the room between them.
-    """
+    """First point and size of the shorter loop, a fold, that each crossing of segments i < j makes."""
     forward = j - i <= count // 2
     return (np.where(forward, i, j) + 1) % count, np.where(forward, j - i, count - j + i)
 

@@ -46,11 +46,7 @@ def write_file(path: str | Path, content: Content) -> None:
 
 
 def write_files(contents: Mapping[Path, Content]) -> None:
-    """Write several files, each in one piece: all, or none.
-
-    Raises:
-      OSError: as `write_file`.
-    """
+    """Write several files, each in one piece: all, or none. Raises what `write_file` raises."""
     with ExitStack() as stack:
         for path, content in contents.items():
             with stack.enter_context(staged_file(path)).open("wb") as file:
@@ -61,11 +57,7 @@ def write_files(contents: Mapping[Path, Content]) -> None:
 
 @contextmanager
 def writing(path: str | Path, accepted: str = "a file in a folder that can be") -> Iterator[None]:
-    """Refuse a file or folder that cannot be written.
-
-    Raises:
-      RunFolderError: it cannot.
-    """
+    """Raise RunFolderError in the place of the OSError of a file or folder that cannot be written."""
     try:
         yield
     except FgMujocoError:  # some are errors of the system, too
@@ -99,11 +91,7 @@ def staged_file(path: str | Path) -> Iterator[Path]:
 
 
 def require_writable(path: str | Path) -> None:
-    """Make sure that a file can be written, and leave everything as it was.
-
-    Raises:
-      OSError: it cannot.
-    """
+    """Raise OSError for a file that cannot be written; everything stays as it was."""
     with suppress(FileNotFoundError):
         require_regular(path)
     aside, descriptor = _create(Path(path).parent, folder=False)
@@ -138,9 +126,6 @@ def staged_folder(folder: Path, last: str) -> Iterator[Path]:
     Args:
       folder: that this process has claimed; files of the same names in it are replaced.
       last: the file that is moved last: where it is, all are.
-
-    Raises:
-      OSError: they cannot be written; nothing is left of them.
     """
     aside, descriptor = _create(folder, folder=True)
     try:

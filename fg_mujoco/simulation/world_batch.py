@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..compiled.array_table import ArrayTable, Table
 from ..course.lap_timer import first_seen, fresh_timers
-from ..course.moving_obstacles import make_mover, motion_table
+from ..course.moving_obstacles import motion_table, moving_obstacles, place_moving
 from ..course.standing import off_course
 from ..lidar.body_poses import Mount
 from ..lidar.lidar import Lidar, RaycastLidar, lidar_mount
@@ -162,7 +162,7 @@ class WorldBatch:
         self._gears = np.concatenate([self._gear_of(car, meter) for car, meter in zip(world.cars, meters, strict=True)])
         self._ids = np.empty(count, np.int32)
         self.floor = self._make_floor(substeps)
-        self._motions, self._mover = motion_table(world.moving), make_mover(model)
+        self._motions, self._moving = motion_table(world.moving), moving_obstacles(model)
         self.clear = self._find_clear_ground()
         self._alone = alone if all(taken_over) and self.clear.distances.size else None
         self._table = self._make_table(period, time_limit)
@@ -350,8 +350,7 @@ class WorldBatch:
                 physics.states[i], outside[first : first + m] = physics.states[same], outside[same * m : (same + 1) * m]
                 continue
             mujoco.mj_resetData(model, data)
-            if self._mover is not None:
-                self._mover.place(data)
+            place_moving(self._moving, data)
             for row, car in enumerate(self.world.cars, start=first):
                 start = starts[row] or Start()
                 x, y, along = self.world.track.start_pose(start.s, start.offset)

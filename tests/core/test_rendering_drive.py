@@ -94,7 +94,7 @@ WITHOUT_ROAD = ("boxes", "elbow", "maze")  # whose walls are no ribbon: the floo
 @each("name", fg.track_names())
 def test_road_covers_the_track_and_nothing_else(name):
     """The area between the outlines, by the shoelace formula, and no triangle upside down."""
-    chains = wall_chains(wall_prisms(fg.load_track(name)))
+    chains = wall_chains(wall_prisms(fg.load_track(name).edges))
     assert len(chains) == 2
     left, right = (chain[:, 0, :2] for chain in chains)
     surface = road(left, right)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.course.moving_obstacles import make_mover
+from fg_mujoco.course.moving_obstacles import moving_obstacles, place_moving
 from fg_mujoco.lidar.lidar import RaycastLidar
 from fg_mujoco.lidar.scan_pipeline import PoseHistory
 from fg_mujoco.simulation.cars import WorldCar, lidar_prefix
@@ -36,7 +36,7 @@ def slowly(world, states, *, still=False):
     Between two physics steps positions go evenly. `still`: only the LiDAR's own car is where it was.
     """
     model, lidar = world.model, RaycastLidar(world.model, lidar_prefix(0))
-    data, mover = mujoco.MjData(model), make_mover(model)
+    data, moving = mujoco.MjData(model), moving_obstacles(model)
     kind = mujoco.mjtState.mjSTATE_QPOS
     size = mujoco.mj_stateSize(model, kind)
     times, positions = states[:, 0], states[:, 1 : 1 + size]
@@ -49,8 +49,7 @@ def slowly(world, states, *, still=False):
         if still:
             data.qpos[own.stop :] = positions[-1, own.stop :]
         data.time = times[-1] if still else time
-        if mover is not None:
-            mover.place(data)
+        place_moving(moving, data)
         mujoco.mj_kinematics(model, data)
         found[place] = lidar.ranges(data)[beam]
     return found

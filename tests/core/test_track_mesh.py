@@ -7,13 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fg_mujoco.course.track import Track
-from fg_mujoco.course.track_mesh import wall_prisms, wall_surface
-
-
-def track_of(line, width=1.0):
-    return Track(
-        name="test", centreline=line, width_right=np.full(len(line), width), width_left=np.full(len(line), width)
-    )
+from fg_mujoco.course.track_mesh import WALL_HEIGHT, wall_footprints, wall_prisms, wall_surface
 
 
 def areas(prisms):
@@ -23,26 +17,27 @@ def areas(prisms):
 
 @pytest.fixture(scope="module")
 def square():
-    return track_of(np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)]))
+    line = [(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)]
+    return Track(name="test", centreline=line, width_right=np.ones(4), width_left=np.ones(4))
 
 
 def test_walls_of_a_square_are_two_frames_of_four_pieces(square):
-    prisms = wall_prisms(square, 0.4, 0.1)
+    prisms = wall_prisms(square.edges)
     assert prisms.shape == (8, 8, 3)
-    assert prisms[..., 2].max() == 0.4
+    assert prisms[..., 2].max() == WALL_HEIGHT
     inner, outer = areas(prisms[:4]).sum(), areas(prisms[4:]).sum()
-    assert inner == pytest.approx(8 * 6 - 7.8 * 5.8)  # its thickness is on the inside of the inner wall
-    assert outer == pytest.approx(12.2 * 10.2 - 12 * 10)
+    assert inner == pytest.approx(8 * 6 - 7.9 * 5.9)  # its thickness is on the inside of the inner wall
+    assert outer == pytest.approx(12.1 * 10.1 - 12 * 10)
 
 
 def test_mesh_of_a_square_is_closed_but_for_its_underside(square):
-    mesh = trimesh.Trimesh(*wall_surface(square, 0.4, 0.1), process=False)
+    mesh = trimesh.Trimesh(*wall_surface(square.edges), process=False)
     assert len(mesh.faces) == 8 * 6  # front, back and top; no ends, for the pieces meet
     faces = mesh.triangles
     up = mesh.face_normals[:, 2] > 0.9
-    assert mesh.area_faces[up].sum() == pytest.approx(areas(wall_prisms(square, 0.4, 0.1)).sum())
-    assert mesh.area_faces[~up].sum() == pytest.approx(0.4 * (28 + 27.2 + 44 + 44.8))
-    assert faces[..., 2].min() == 0.0 and faces[..., 2].max() == 0.4
+    assert mesh.area_faces[up].sum() == pytest.approx(areas(wall_prisms(square.edges)).sum())
+    assert mesh.area_faces[~up].sum() == pytest.approx(WALL_HEIGHT * (28 + 27.6 + 44 + 44.4))
+    assert faces[..., 2].min() == 0.0 and faces[..., 2].max() == WALL_HEIGHT
 
 
 @settings(deadline=None, max_examples=20)
@@ -53,7 +48,7 @@ def test_pieces_are_convex_on_any_jagged_wall(seed, thickness):
     line = np.column_stack((10.0 * np.cos(angle), 6.0 * np.sin(angle))) + rng.normal(0.0, 0.01, (300, 2))
     widths = rng.uniform(0.8, 1.2, (2, 300))
     track = Track(name="test", centreline=line, width_right=widths[0], width_left=widths[1])
-    feet = wall_prisms(track, thickness=thickness)[:, :4, :2]
+    feet = wall_footprints(track.left_wall, thickness)
     sides = np.roll(feet, -1, axis=1) - feet
     following = np.roll(sides, -1, axis=1)
     assert (sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0]).min() > 0.0

@@ -37,32 +37,20 @@ _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0
 
 
 def require_track(course: Course) -> Track:
-    """Return a course that can be written to a file: a track.
-
-    Raises:
-      TrackError: it has no centreline with widths, as a scene has none.
-    """
+    """Return a course that can be written to a file; raise TrackError for one without centreline and widths."""
     if not {"centreline", "width_right", "width_left"} <= set(course.definition):
         raise TrackError(f"{course.name!r} has no centreline with widths that a file could hold; accepted: a track")
     return cast(Track, course)
 
 
 def require_trimesh() -> None:
-    """Make sure that meshes can be written.
-
-    Raises:
-      MissingExtraError: trimesh is not installed; the message has the command that installs it.
-    """
+    """Raise MissingExtraError, with the command that installs it, if there is no trimesh to write meshes."""
     if importlib.util.find_spec("trimesh") is None:
         raise missing_extra("meshes of walls need trimesh", "meshes")
 
 
 def exported_files(path: str | Path) -> tuple[Path, ...]:
-    """Return the files that `export_track` writes for a path.
-
-    Raises:
-      SettingsError: a suffix that is not one of SUFFIXES.
-    """
+    """Return the files that `export_track` writes for a path; raise SettingsError for an unknown suffix."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -88,11 +76,7 @@ def export_track(track: Track, path: str | Path, *, resolution: float = RESOLUTI
 
 
 def export_tracks(track: Track, paths: Sequence[str | Path], *, resolution: float = RESOLUTION) -> tuple[Path, ...]:
-    """Write a track in several formats, as `export_track` does: all files, or none.
-
-    Raises:
-      MissingExtraError, SettingsError, TrackError: as `export_track`.
-    """
+    """Write a track in several formats, as `export_track` does: all files, or none."""
     contents: dict[Path, bytes] = {}
     for path in paths:
         contents |= _contents(track, exported_files(path), resolution)
@@ -114,7 +98,7 @@ def _contents(track: Track, files: tuple[Path, ...], resolution: float) -> dict[
     require_trimesh()
     import trimesh  # heavy
 
-    vertices, faces = wall_surface(track)
+    vertices, faces = wall_surface(track.edges)
     mesh = trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
     if suffix == ".glb":
         mesh.apply_transform(_Y_UP)

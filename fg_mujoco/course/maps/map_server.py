@@ -138,11 +138,7 @@ class OccupancyMap:
 
 
 def require_maps_extra() -> None:
-    """Make sure that maps can be read and written.
-
-    Raises:
-      MissingExtraError: a part is not installed; the message has the command that installs it.
-    """
+    """Raise MissingExtraError, with the command that installs it, if a part of what maps need is not there."""
     if any(importlib.util.find_spec(name) is None for name in ("PIL", "yaml", "scipy", "skimage")):
         raise missing_extra("ROS maps need Pillow, PyYAML, SciPy and scikit-image", "maps")
 
@@ -219,7 +215,7 @@ def read_map_file(
 
 
 def image_yaml(image: Path, resolution: float, *, negate: bool = False) -> str:
-    """Return the text of the YAML that makes an image a map, with its lower left corner at the origin.
+    """Return the text of the YAML that makes an image, in its folder, a map with its lower left corner at the origin.
 
     Args:
       image: in the folder of the YAML.
@@ -227,8 +223,7 @@ def image_yaml(image: Path, resolution: float, *, negate: bool = False) -> str:
       negate: whether dark pixels are free, and not light ones.
 
     Raises:
-      MissingExtraError: the extra `maps` is not installed.
-      TrackError: a resolution that no map has, or a file that is no image.
+      MissingExtraError, TrackError: no extra `maps`; a resolution that no map has, or a file that is no image.
     """
     require_maps_extra()
     import yaml
@@ -258,10 +253,7 @@ def _shares(levels: NDArray[Any], free: BoolArray, occupied: BoolArray, transpar
 
 
 def _start(path: Path, settings: dict[str, Any]) -> tuple[tuple[float, float] | None, float | None]:
-    """Return the place [m] and the heading [rad] of the first starting position of a YAML, None what it lacks.
-
-    Starting positions are rows of x, y, yaw, of which the first counts; a starting angle is that of no place.
-    """
+    """Return the first starting position [m] of a YAML, and the heading there [rad]; None what it lacks."""
     rows: Any = settings.get("starting_positions")
     angle: Any = settings.get("starting_angle")
     heading = float(angle) if _is_near(angle) else None
@@ -306,11 +298,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 
 
 def plain_yaml(text: str | bytes, loader: Any = None) -> Any:
-    """Return the plain values of a YAML text, of a map or of a node's parameters.
-
-    Args:
-      text: of the YAML.
-      loader: made of `plain_loader()`; None: that one.
+    """Return what a YAML has, of a map or of a node's parameters; `loader` is one of `plain_loader()`.
 
     Raises:
       Exception: YAML's own, and whatever its values' readers raise.
@@ -325,8 +313,7 @@ def plain_yaml(text: str | bytes, loader: Any = None) -> Any:
 def plain_loader(last_counts: str = "") -> Any:
     """Return a loader of YAML that refuses aliases, which multiply, deep nesting, long values, and a key twice.
 
-    Args:
-      last_counts: the file in which the last of a key's values counts, as for ROS, which is said; nothing: none does.
+    With `last_counts`, the name of a file, the last of a key's values counts, as for ROS, which is said.
     """
     import yaml
 
@@ -404,10 +391,7 @@ def _image_path(path: Path, name: Any, outside_folder: bool) -> Path:
 
 
 def _read_image(path: Path) -> tuple[NDArray[Any], FloatArray]:
-    """Return the level of each pixel, the upper row first, and the brightness of each level: 0 black, 255 white.
-
-    The brightness of what is transparent is NaN.
-    """
+    """Return the level of each pixel, the upper row first, and each level's brightness: 0 black, NaN transparent."""
     from PIL import Image
 
     try:

@@ -54,11 +54,7 @@ def is_map(name: str) -> bool:
 def load_map(name: str) -> MapTrack | Scene:
     """Load a map by `FILE.yaml` or `FILE.yaml[SETTING=VALUE,...]`.
 
-    Settings are those of `read_map`, with `start` as X:Y and `border=wall` for `border_wall`.
-
-    Raises:
-      MissingExtraError: the extra `maps` is not installed.
-      TrackError: an unknown setting, or a value that it does not take; and what `read_map` raises.
+    Settings and errors are those of `read_map`, with `start` as X:Y and `border=wall` for `border_wall`.
     """
     path, settings = _parsed(name)
     return read_map(path, **settings)
@@ -75,9 +71,9 @@ class MapLoop:
 
 
 def map_loops(name: str) -> list[MapLoop]:
-    """Return the loops of a map, by a name as of `load_map`, that round the largest obstacle first.
+    """Return the loops of a map, by a name as of `load_map`, that round the largest obstacle first; raise as that.
 
-    There is none where a centreline is given. Raises what `load_map` raises.
+    There is none where a centreline is given.
     """
     path, settings = _parsed(name)
     if "centreline" in settings:

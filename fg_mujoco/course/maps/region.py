@@ -184,11 +184,7 @@ class _Region:
 
     @cached_property
     def outlines(self) -> list[FloatArray]:
-        """The outer edge, then the holes by area, in pixels of the image.
-
-        Raises:
-          TrackError: so many of them that finding a line would take minutes.
-        """
+        """The outer edge, then the holes by area, in pixels of the image; raise TrackError for noise."""
         if self.sides > MOST_SIDES:
             raise _too_noisy(self.occupancy, self.sides, MOST_SIDES)
         edges = sorted(outlines(self.mask), key=enclosed_area)
@@ -273,10 +269,7 @@ class _Region:
         return pixels_within(self.mask, [hole[:1] - self.corner[::-1] for hole in holes])
 
     def ring(self) -> BoolArray:
-        """Return which pixels have the largest hole as their nearest wall: a ring round it.
-
-        None is of the ring where there is no hole.
-        """
+        """Return which pixels have the largest hole as their nearest wall: a ring round it; none without a hole."""
         from scipy import ndimage
 
         if len(self.outlines) < 2:

@@ -59,13 +59,9 @@ def _from_lowest(loop: FloatArray) -> FloatArray:
 
 
 def trace(outline: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
-    """Return a closed polyline of fewer points, from which no point of an outline is further than a tolerance.
+    """Return a closed polyline of fewer points, at most a tolerance [pixel] from each point of an outline (n, 2).
 
     What is so small or thin that it would vanish or cross itself is traced more finely.
-
-    Args:
-      outline: shape (n, 2) [pixel].
-      tolerance: [pixel].
     """
     area = enclosed_area(outline)
     for _ in range(_HALVINGS):
@@ -87,10 +83,7 @@ def _smoothed(outline: FloatArray, most: float) -> FloatArray:
 
 
 def _simplified(outline: FloatArray, points: FloatArray, tolerance: float) -> tuple[IndexArray, FloatArray]:
-    """Choose so many of `points`, one for each of the outline, that the outline is within `tolerance` of their line.
-
-    Method: Douglas and Peucker 1973, with distances to the outline and corners from `points`.
-    """
+    """Choose so many of `points`, one for each of the outline, that it is within `tolerance` (Douglas, Peucker)."""
     first = int(np.argmax(np.hypot(*(points - points.mean(axis=0)).T)))
     outline, points = np.roll(outline, -first, axis=0), np.roll(points, -first, axis=0)
     count, opposite = len(points), int(np.argmax(np.hypot(*(points - points[0]).T)))
@@ -109,10 +102,7 @@ def _simplified(outline: FloatArray, points: FloatArray, tolerance: float) -> tu
 
 
 def _fitted(outline: FloatArray, chosen: IndexArray, wall: FloatArray, tolerance: float) -> FloatArray:
-    """Move the corners of a wall so that its sides run through the middle of the outline, in the least squares.
-
-    The corners of a side from which the outline would then be further than `tolerance` go back by so many halves.
-    """
+    """Fit the corners of a wall to the outline in the least squares; those beyond `tolerance` go back by halves."""
     count = len(chosen)
     if count < 3:
         return wall

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from ... import from_addons
-from ...course.moving_obstacles import make_mover
+from ...course.moving_obstacles import moving_obstacles, place_moving
 from ...errors import RunFolderError, SettingsError
 from ...messages import FloatArray
 from ...racing.resimulation import load_world
@@ -162,7 +162,7 @@ class Player:
 
     def __init__(self, drive: Drive, renderer: Renderer) -> None:
         self.drive, self.renderer = drive, renderer
-        self._mover = make_mover(renderer.model)
+        self._moving = moving_obstacles(renderer.model)
         if drive.states.shape[1] != mujoco.mj_stateSize(renderer.model, STATE):
             raise RunFolderError(
                 f"{drive.name}: its states are not of its scene.xml; accepted: as `race --out` wrote it"
@@ -187,15 +187,13 @@ class Player:
         steps = int((time - float(drive.time[tick])) / model.opt.timestep + 1e-6)
         for _ in range(steps):
             self.renderer.tires.step(data)
-            if self._mover is not None:
-                self._mover.place(data)
+            place_moving(self._moving, data)
         self.renderer.tires.forward(data)
         rest = time - float(data.time)
         if rest > 1e-9:
             mujoco.mj_integratePos(model, data.qpos, data.qvel, rest)
             data.time = time
-            if self._mover is not None:
-                self._mover.place(data)
+            place_moving(self._moving, data)
             for update in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon):
                 update(model, data)
         return data

@@ -87,7 +87,7 @@ def test_projection_is_the_nearest_place_in_whose_corridor_the_point_lies(track)
 
 @every_track
 def test_pieces_are_convex_with_volume_and_their_inner_faces_are_the_walls(track):
-    prisms = wall_prisms(track)
+    prisms = wall_prisms(track.edges)
     feet = prisms[:, :4, :2]
     sides = np.roll(feet, -1, axis=1) - feet
     following = np.roll(sides, -1, axis=1)
@@ -111,8 +111,9 @@ def test_no_piece_reaches_into_the_corridor(track):
     beams = np.column_stack((np.cos(angles), np.sin(angles)))
     free = np.minimum(*(ray_distances(between, beams, wall) for wall in (track.left_wall, track.right_wall)))
     points = between + (rng.uniform(0.0, 1.0, 400) * (free - 1e-6))[:, None] * beams
-    assert not inside_prisms(points, wall_prisms(track)).any()
-    assert inside_prisms(between + (free + 1e-6)[:, None] * beams, wall_prisms(track)).mean() > 0.99
+    prisms = wall_prisms(track.edges)
+    assert not inside_prisms(points, prisms).any()
+    assert inside_prisms(between + (free + 1e-6)[:, None] * beams, prisms).mean() > 0.99
 
 
 @every_track
