@@ -20,10 +20,11 @@ import numpy as np
 
 from fg_mujoco.course.documents import parse_json
 from fg_mujoco.course.files import read_text
-from fg_mujoco.course.line_file import MOST_POINTS, Table, read_text_table, require_few, unnamed
+from fg_mujoco.course.line_file import Table, read_text_table, require_few, unnamed
 from fg_mujoco.course.line_file import read_line_bytes as read_bytes
 from fg_mujoco.course.line_names import name_a_line
 from fg_mujoco.course.maps.map_server import plain_yaml
+from fg_mujoco.course.polyline import MOST_POINTS
 from fg_mujoco.errors import TrackError, missing_extra
 
 _DEEPEST = 6  # levels of JSON that are searched for lines

@@ -23,11 +23,9 @@ from ..interrupts import ended_in_order
 from ..racing.planners import controller_names, scheme_of
 from ..registry import Registry, added
 from .command import Command, Commands
-from .config import parse
 from .options import in_one_line, in_options
 from .out import chosen_folder
 from .progress import UnfinishedError
-from .words import command_for
 
 _NOT_DONE, _BAD_INPUT = 1, 2
 _INTERRUPTED, _TERMINATED = 130, 143  # what shells call a command that Ctrl-C, and one that SIGTERM has ended
@@ -45,7 +43,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 from .completion import complete
 
                 complete(parser)
-            options = parse(parser, arguments)
+            options = parser.parse_args(arguments)
+            if getattr(options, "config", None) is not None:
+                from .config import parse
+
+                options = parse(parser, arguments)
             with chosen_folder(options, getattr(options, "folder_kind", None)):
                 code: int = options.run(options)
         sys.stdout.flush()
@@ -156,6 +158,8 @@ class _Parser(argparse.ArgumentParser):
         if went is not None:
             return went
         known = [option for option in self._option_string_actions if option.startswith("--")]
+        from .words import command_for
+
         command, meant = command_for(given), nearest(given, known, cutoff=1.0)
         if not given.startswith("--"):
             meant = "--out" if given == "-o" and "--out" in known else None
@@ -186,6 +190,8 @@ class _Parser(argparse.ArgumentParser):
             went = None if action.option_strings else gone(f"{self.prog} {value}")
             if went is not None:
                 raise argparse.ArgumentError(None, went)
+            from .words import command_for
+
             rather = command_for(value) if self.prog == "fg-mujoco" else None
             listed = accepted_names(value, action.choices)
             end = listed if rather is None else f"{listed.partition('; did you mean')[0]}; {rather}"

@@ -22,9 +22,7 @@ from pathlib import Path
 from .. import from_addons
 from ..course.course import Course
 from ..course.files import is_file, is_folder, noting_files, read_text
-from ..course.writing import claimed_folder, require_writable, writing
 from ..errors import FgMujocoError, RunFolderError, SettingsError
-from ..racing.run_folder import SUMMARY, read_summary
 from .command import OUTPUT, Part, option
 
 PAGE = "report.html"
@@ -127,6 +125,8 @@ def require_new(*paths: str | Path, force: bool, reads: Iterable[object] = ()) -
       SettingsError: it exists, or is read.
       RunFolderError: it cannot be written.
     """
+    from ..course.writing import require_writable, writing
+
     values = [each for value in reads for each in (value if isinstance(value, (list, tuple)) else [value])]
     texts = [str(each) for each in values if isinstance(each, (str, Path))]
     read = {*texts, *(text.partition("[")[0] for text in texts)}
@@ -178,6 +178,8 @@ def new_files(folder: Path | None, *paths: Path, options: argparse.Namespace) ->
       SettingsError: as `require_new`.
       RunFolderError: the folder cannot be made, or another process has claimed it.
     """
+    from ..course.writing import claimed_folder, writing
+
     with ExitStack() as stack:
         if folder is not None:
             with writing(folder):
@@ -188,6 +190,8 @@ def new_files(folder: Path | None, *paths: Path, options: argparse.Namespace) ->
 
 def _kind_of(folder: str) -> str | None:
     """Return whether a folder has a run or a study; None: neither."""
+    from ..racing.run_folder import SUMMARY
+
     if any(is_file(Path(folder) / name) for name in _MARKS):
         return STUDY
     return RUN if is_file(Path(folder) / SUMMARY) else None
@@ -241,6 +245,8 @@ def _require_ours(folder: Path, kind: str, there: str) -> None:
     if there != kind:
         raise RunFolderError(f"{folder}: has a {there}; accepted with --force: a {kind}, which it replaces")
     if kind == RUN:
+        from ..racing.run_folder import read_summary
+
         read_summary(folder)
     else:
         mark = next(folder / name for name in _MARKS if is_file(folder / name))

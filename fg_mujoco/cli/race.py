@@ -18,7 +18,6 @@ from ..racing.planners import with_settings
 from ..racing.race import RaceProgress, race_setup
 from ..racing.result import RaceResult, clamped_hint
 from ..racing.rules import find_rules
-from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import share_text, sliding_rule, sliding_text
 from .command import CONFIG, JSON, OUTPUT, can_draw, command, option
@@ -57,7 +56,7 @@ def race_command(options: argparse.Namespace) -> int:
 
             write_run(result, options.out, picture=picture, add=write_page)
     except RunFolderError:  # of a race that is driven already; `main` says why
-        print(summary_json(result) if options.json else race_table(result, None))
+        _print(result, options, None)
         raise
     code = _DONE if result.car.finished and not failures else _NOT_DONE
     if options.video is not None:
@@ -69,7 +68,7 @@ def race_command(options: argparse.Namespace) -> int:
                 raise
             print("fg-mujoco:", in_one_line(str(error)), file=sys.stderr)  # the run folder is written, and stays
             code = _NOT_DONE
-    print(summary_json(result) if options.json else race_table(result, options.out))
+    _print(result, options, options.out)
     for car, own in zip(result.cars, result.world.cars, strict=True):
         driven = car.telemetry[: round(car.end_time_s / car.decision_times.period_s)]
         whose = "" if len(result.cars) == 1 else f"{quoted(car.name)}: "
@@ -78,8 +77,18 @@ def race_command(options: argparse.Namespace) -> int:
     return code
 
 
+def _print(result: RaceResult, options: argparse.Namespace, out: str | None) -> None:
+    """Print a race as JSON or as a table; `out` is as of `race_table`."""
+    if options.json:
+        from ..racing.run_folder import summary_json
+
+    print(summary_json(result) if options.json else race_table(result, out))
+
+
 def check_out(folder: str) -> bool:
     """Refuse a folder that cannot be written, before the race and not after it; answer whether to draw a picture."""
+    from ..racing.run_folder import check_run_folder
+
     check_run_folder(folder)
     return can_draw("trace.png", several=False)
 

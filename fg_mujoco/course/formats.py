@@ -16,11 +16,9 @@ from .. import from_addons
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import CarParameters
 from ..registry import Registry
-from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
 from .kept_courses import kept_course
-from .line_names import COLUMNS
 
 TIGHT = "tight"
 """Kind of the random circuits that are built as races are: `random:SEED:tight`."""
@@ -75,7 +73,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     if is_file(name):
         if (kind := foreign_kind(name)) is not None:
             raise TrackError(f"{name}: is {kind}; accepted: {_instead(Path(name))}")
-        return kept_course(name, load_centreline)
+        return _centreline(name)
     *texts, last = (each.texts for each in _formats() if each.texts)
     rest, scenes = name.partition(":")[2], course_names()[len(track_names()) :]
     besides = [*([f"random:{rest}"] if rest else []), *scenes]
@@ -86,6 +84,8 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
 def _instead(path: Path) -> str:
     """Return what is accepted in the place of a file that is no course, and how it is made."""
     if path.suffix.lower() not in PICTURES:
+        from .line_names import COLUMNS
+
         columns = ", ".join(COLUMNS)
         return f"a .csv of {columns}, or a map .yaml, as the page 'A map or track of your own' (howto/own_map) says"
     beside = next((each for each in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if is_file(each)), None)
@@ -100,10 +100,16 @@ def _formats() -> Iterator[CourseFormat]:
     yield from map(FORMATS.find, FORMATS.names()[len(list(FORMATS)) :])
 
 
+def _read_bundled(path: str) -> Course:
+    from .centreline_csv import read_centreline
+
+    return read_centreline(path)
+
+
 @lru_cache(maxsize=32)  # a course is immutable, and what is worked out of it is kept in it
 def _bundled(name: str) -> Course:
     with resources.as_file(resources.files("fg_mujoco.tracks") / f"{name}.csv") as path:
-        return read_centreline(path)
+        return kept_course(str(path), _read_bundled)
 
 
 def _random(name: str) -> Course:
@@ -135,6 +141,18 @@ def _scene(name: str, car: CarParameters) -> Course:
     from .scenes import load_scene
 
     return load_scene(name, car)
+
+
+def _is_centreline(name: str) -> bool:
+    from .centreline_csv import is_centreline
+
+    return is_centreline(name)
+
+
+def _centreline(name: str) -> Course:
+    from .centreline_csv import load_centreline
+
+    return kept_course(name, load_centreline)
 
 
 def _is_map(name: str) -> bool:
@@ -171,8 +189,8 @@ FORMATS: Registry[CourseFormat] = Registry(
             accepts=lambda text: text.partition(":")[0] == "open_ground", load=_open, texts="open_ground:SECONDS"
         ),
         "centreline": CourseFormat(
-            accepts=is_centreline,
-            load=lambda text, car: kept_course(text, load_centreline),
+            accepts=_is_centreline,
+            load=lambda text, car: _centreline(text),
             texts="a path to a centreline .csv, .json or .npy",
         ),
         "map": CourseFormat(accepts=_is_map, load=lambda text, car: _map(text), texts="a map .yaml"),

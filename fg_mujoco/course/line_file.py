@@ -45,9 +45,8 @@ from ..messages import FloatArray
 from .documents import comment
 from .files import read_bytes
 from .line_names import COLUMNS, RACELINE, SHOWN, lines_of, name_a_line, places_of, plain_name, unit_of
+from .polyline import MOST_POINTS
 
-MOST_POINTS = 200_000
-"""Work on a line grows with its points."""
 MOST_COLUMNS = 200
 _MOST_CELLS, _MOST_ABOVE, _MOST_CHARACTERS = 3_000_000, 1000, 20_000  # in all, lines above the first point, in a line
 

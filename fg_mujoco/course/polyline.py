@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from ..compiled.kernels import kernel
 from ..messages import FloatArray
 
+MOST_POINTS = 200_000
+"""Of a line: work on it grows with its points."""
+
 IndexArray = NDArray[np.intp]
 
 _BLOCK = 32  # consecutive segments that share one bounding box in `nearby`: neighbours along a line are near in space

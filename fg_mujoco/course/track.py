@@ -22,13 +22,11 @@ from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import CLEAR_AHEAD, CLEAR_BEHIND, Sites, default_time_limit
-from .line_file import MOST_POINTS
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
-from .polyline import cross, segments, self_crossings, step_lengths, steps, subdivide, turns
+from .polyline import MOST_POINTS, cross, segments, self_crossings, step_lengths, steps, subdivide, turns
 from .projection import progress_by_sections, project_near, with_sections
 from .track_mesh import Surface, wall_prisms, wall_surface
-from .track_walls import MAX_TURN, shared_widths, wall_lines
 
 OFF_CENTRE = 0.5
 """Greatest offset of a random start, as a share of what the car has between the centreline and the nearer wall."""
@@ -251,11 +249,15 @@ class Track(Shown):
 
     @cached_property
     def _corridor(self) -> tuple[FloatArray, FloatArray]:
+        from .track_walls import shared_widths  # of a race this is kept
+
         right, left = shared_widths(self.centreline, self.width_right, self.width_left)
         return read_only(right), read_only(left)
 
     @cached_property
     def _walls(self) -> tuple[FloatArray, FloatArray]:
+        from .track_walls import wall_lines
+
         return wall_lines(self.centreline, self.corridor_right, self.corridor_left)
 
     def position(self, s: ArrayLike, offset: ArrayLike) -> FloatArray:
@@ -391,6 +393,8 @@ def _check_line(line: FloatArray) -> None:
         )
     sharpest = int(np.argmax(np.abs(turns(line))))
     turn = math.degrees(turns(line)[sharpest])
+    from .track_walls import MAX_TURN
+
     if abs(turn) > math.degrees(MAX_TURN):
         (x, y) = line[sharpest]
         raise TrackError(
