@@ -180,6 +180,15 @@ def install_command(extra: str) -> str:
     return shlex.join([sys.executable or "python3", "-m", "pip", "install", *what])
 
 
+class DecisionLimitReached(BaseException):
+    """A decision that took longer than its limit. No Exception: a planner that catches those does not catch it."""
+
+
+def is_of_planner(error: BaseException) -> bool:
+    """Return whether an exception is the planner's fault, and not Ctrl-C or the decision limit."""
+    return not isinstance(error, (DecisionLimitReached, KeyboardInterrupt))
+
+
 class FinalWarning(UserWarning):
     """A warning that a command prints at its end, below the results, where it explains them."""
 

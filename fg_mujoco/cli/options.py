@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from .. import from_addons
+from ..course.files import kept_folder
 from ..errors import FgMujocoError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..racing.entries import Entry
 from ..racing.planners import import_file
 from ..racing.setup import CAR_KEYWORDS, FIELD_OF, Setup
 from ..registry import Registry
-from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import Start
 from ..vehicle.changes import CarChanges
 from .command import Part, group, names_in, number, option, pairs, whole

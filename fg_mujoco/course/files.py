@@ -10,6 +10,7 @@ import hashlib
 import os
 import stat
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
 from pathlib import Path
@@ -191,3 +192,25 @@ def is_folder(path: str | Path) -> bool:
         return Path(path).is_dir()
     except (OSError, ValueError):
         return False
+
+
+@contextlib.contextmanager
+def kept_folder() -> Iterator[None]:
+    """Make the current folder in the end again what it was, where a planner has changed it: paths are from there."""
+    folder = _current_folder()
+    try:
+        yield
+    finally:
+        if folder is not None and _current_folder() != folder:
+            with contextlib.suppress(OSError):
+                os.chdir(folder)
+
+
+def _current_folder() -> str | None:
+    """Return the current folder; None: another thread may change it, or it is not there any more."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
+    try:
+        return os.getcwd()
+    except OSError:
+        return None

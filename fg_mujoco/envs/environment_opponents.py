@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..course.files import kept_folder
 from ..errors import ControllerError, MessageError, PlannerError, SettingsError
 from ..messages import Controller, shown
 from ..racing.entries import Entry
@@ -19,7 +20,6 @@ from ..racing.planners import build_controller, find_controller, split_controlle
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
 from ..simulation.planner_adapter import start as start_planner
-from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import PLANNER_OPTIONS, CarSettings, known_settings
 from ..simulation.world import World
 from .actions import one_action

@@ -24,12 +24,12 @@ from typing import Any, TypeAlias
 from fg_mujoco.controllers.control.speed import friction_speed
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
 
-from ..course.files import file_sha256
-from ..errors import SettingsError
+from ..course.files import file_sha256, kept_folder
+from ..errors import SettingsError, is_of_planner
 from ..messages import CarParameters, Odometry, shown
 from ..racing.planners import import_file
 from ..registry import Registry
-from ..simulation.planner_failure import error_text, is_of_planner, kept_folder, one_line
+from ..simulation.planner_failure import error_text, one_line
 
 Law: TypeAlias = Callable[[float, Odometry, CarParameters, float], float]
 

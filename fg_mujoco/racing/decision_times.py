@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..compiled.kernels import CompileTime
-from ..simulation.planner_failure import DecisionLimitReached
+from ..errors import DecisionLimitReached
 
 _Answer = TypeVar("_Answer")
 

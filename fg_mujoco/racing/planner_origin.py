@@ -23,10 +23,9 @@ from pathlib import Path
 from typing import Any, Literal, get_origin, get_type_hints
 
 from ..course.course import Course
-from ..course.files import file_sha256, is_file, is_folder
-from ..errors import ControllerError
+from ..course.files import file_sha256, is_file, is_folder, kept_folder
+from ..errors import ControllerError, is_of_planner
 from ..messages import Controller
-from ..simulation.planner_failure import is_of_planner, kept_folder, one_line
 from ..simulation.settings import DriveSettings
 from .planners import PLANNERS, READ, ControllerChoice, build_controller, bundled_names, file_in, find_controller
 
@@ -195,6 +194,8 @@ def _files_attribute(planner: Controller) -> list[str] | None:
     except BaseException as error:
         if not is_of_planner(error):
             raise
+        from ..simulation.planner_failure import one_line
+
         said = f"controller {type(planner).__name__}: its attribute files: {one_line(error)}"
         raise ControllerError(f"{said}; accepted: an attribute `files` that is a list of paths") from error
 

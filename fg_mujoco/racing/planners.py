@@ -31,13 +31,12 @@ from typing import TYPE_CHECKING, Any
 
 from fg_mujoco.controllers import BASELINES, CONTROLLERS
 
-from ..course.files import LONGEST_NAME, file_sha256, is_file
-from ..errors import ControllerError, SettingsError, accepted_names
+from ..course.files import LONGEST_NAME, file_sha256, is_file, kept_folder
+from ..errors import ControllerError, SettingsError, accepted_names, is_of_planner
 from ..gone import gone
 from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry, PlannerContext
 from ..registry import Registry, added, package_of
 from ..simulation.planner_adapter import short, short_text, wanted_sensors
-from ..simulation.planner_failure import error_text, file_of, is_of_planner, kept_folder, one_line
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -347,7 +346,7 @@ def _load(point: EntryPoint, said: str) -> Any:
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"{said}, of {package_of(point)}, does not load: {one_line(error)}") from error
+        raise ControllerError(f"{said}, of {package_of(point)}, does not load: {_why(error)}") from error
     if inspect.isfunction(found):
         return _planner_of(found, said)
     if not isinstance(found, type):
@@ -375,7 +374,7 @@ def import_file(path: Path, origin: str) -> ModuleType:
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"{origin} does not import: {error_text(error, str(path))}") from error
+        raise ControllerError(f"{origin} does not import: {_why(error, path)}") from error
     return module
 
 
@@ -437,7 +436,7 @@ def build_controller(
     try:
         parameters = inspect.signature(factory).parameters.values()
     except ValueError as error:
-        raise ControllerError(f"{origin} cannot be built: {one_line(error)}") from error
+        raise ControllerError(f"{origin} cannot be built: {_why(error)}") from error
     wanted = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     required = [p.name for p in parameters if p.name in wanted and p.default is p.empty]
     if getattr(factory, "any_settings", False):  # parameters of nodes, which are known when these run
@@ -461,7 +460,7 @@ def build_controller(
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"{origin} cannot be built: {error_text(error, file_of(factory))}") from error
+        raise ControllerError(f"{origin} cannot be built: {_why(error, factory)}") from error
     return _checked(controller, origin, context)
 
 
@@ -489,7 +488,7 @@ def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: b
         if not is_of_planner(error):
             raise
         given = ", ".join(f"{name}={value!r}" for name, value in changes.items())
-        raise ControllerError(f"{origin} cannot have settings {short_text(given)}: {one_line(error)}") from error
+        raise ControllerError(f"{origin} cannot have settings {short_text(given)}: {_why(error)}") from error
 
 
 def _gone(name: str) -> str | None:
@@ -526,3 +525,10 @@ def _checked(controller: Any, origin: str, context: PlannerContext | None) -> Co
                 has = accepted_names(name, context.sensors) if context.sensors else f"accepted: sensors=[{name!r}]"
                 raise ControllerError(f"{origin} reads sensor {name!r}, which its car does not have; {has}")
     return controller  # type: ignore[no-any-return]
+
+
+def _why(error: BaseException, found: Any = None) -> str:
+    """Return the kind and message of an error, and the line in a planner's file, or in that of what was found."""
+    from ..simulation.planner_failure import error_text, file_of
+
+    return error_text(error, str(found) if isinstance(found, Path) else file_of(found))

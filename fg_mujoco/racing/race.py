@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from ..arguments import explain_class
 from ..compiled.kernels import CompileTime
 from ..course.course import Course
-from ..errors import SettingsError
+from ..course.files import kept_folder
+from ..errors import DecisionLimitReached, SettingsError
 from ..messages import Controller
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
-from ..simulation.planner_failure import DecisionLimitReached, PlannerFailure, kept_folder
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .decision_times import DecisionClock, DecisionTimes
@@ -45,6 +45,8 @@ from .setup import Setup, SetupKeywords
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
+
+    from ..simulation.planner_failure import PlannerFailure
 
 _LATE = END_REASONS.index("decision_limit")
 _AT_ONCE = 40  # ticks, in which nobody watches a race: 4 ms

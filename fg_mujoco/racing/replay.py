@@ -24,13 +24,14 @@ import numpy as np
 
 from ..arguments import explain_class
 from ..course.course import Course
+from ..course.files import kept_folder
 from ..display import brief
 from ..errors import FgMujocoError
 from ..messages import CarParameters, FloatArray
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import plan
-from ..simulation.planner_failure import kept_folder, one_line
+from ..simulation.planner_failure import one_line
 from ..simulation.telemetry import COMMAND, TELEMETRY, recorded_command
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World, shows

@@ -15,7 +15,6 @@ from ..display import Shown, brief, quoted
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
 from ..simulation.compiled_tick import KEPT
-from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from ..vehicle.car import WHEELS
@@ -23,6 +22,7 @@ from .decision_times import FEWEST, MOST, DecisionTimes
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
+    from ..simulation.planner_failure import PlannerFailure
     from ..simulation.settings import Start
     from ..simulation.world import World
     from .crash import Crash, Rollover

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..course.course import Course, laps_to_drive
+from ..course.files import kept_folder
 from ..course.obstacles import Obstacle
 from ..errors import ControllerError, SettingsError
 from ..messages import DriveCommand, FloatArray
@@ -37,7 +38,6 @@ from ..racing.rules import RaceRecord, race_control
 from ..simulation.cars import WorldCar
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Decide, Planners, PlannersOfEach, adapt, start
-from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import Scenario, Start
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ..compiled.kernels import package_files
 from ..course.course import Course, Sites, laps_to_drive
 from ..course.definitions import course_sha256
+from ..course.files import kept_folder
 from ..course.obstacles import Obstacle, described_obstacles
 from ..errors import ControllerError, SettingsError
 from ..messages import require_whole
@@ -33,7 +34,6 @@ from ..racing.planners import Value, build_controller, code_of, find_controller
 from ..racing.randomization import OF_ENVIRONMENTS, Randomization
 from ..racing.setup import require_decision_limit
 from ..simulation.physics import STATE
-from ..simulation.planner_failure import kept_folder
 from ..simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit
 from ..simulation.telemetry import TELEMETRY
 from ..vehicle.changes import CarChanges

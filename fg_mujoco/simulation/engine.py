@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..arguments import Uncopied
 from ..display import brief
-from ..errors import ModelError, SettingsError
+from ..errors import ModelError, SettingsError, is_of_planner
 from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
@@ -43,7 +43,6 @@ from .compiled_tick import (
 )
 from .physics import whole_steps
 from .planner_adapter import BatchPlanners, Calls, Clock, Keeper, OtherCar, Planners, Reasons, Surroundings, up_of
-from .planner_failure import is_of_planner
 from .settings import Start
 from .slots import Share, Slots, ends_of_shares, parts_of, share_of, shared_out
 from .termination import END_REASONS, RaceMonitor

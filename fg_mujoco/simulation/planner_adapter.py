@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.array_table import Table
-from ..errors import ControllerError, PlannerError
+from ..course.files import kept_folder
+from ..errors import ControllerError, DecisionLimitReached, PlannerError, is_of_planner
 from ..lidar.beams import Beams
 from ..messages import (
     A_COMMAND,
@@ -31,16 +32,6 @@ from ..messages import (
     Reading,
 )
 from .compiled_tick import not_finite
-from .planner_failure import (
-    DecisionLimitReached,
-    error_text,
-    failure_of,
-    file_of,
-    is_of_planner,
-    kept_folder,
-    place,
-    wrong_answer,
-)
 from .termination import END_REASONS
 from .world import World
 
@@ -307,8 +298,9 @@ def adapt(
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        said = error_text(error, file_of(kind))
-        raise ControllerError(f"controller {kind.__name__} failed in batch(): {said}") from error
+        from .planner_failure import failed_in
+
+        raise ControllerError(failed_in("batch()", error, kind)) from error
     return BatchPlanners(together, kind)
 
 
@@ -335,9 +327,9 @@ def start(controller: Controller) -> None:
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(
-            f"controller {type(controller).__name__} failed in reset(): {error_text(error, file_of(type(controller)))}"
-        ) from error
+        from .planner_failure import failed_in
+
+        raise ControllerError(failed_in("reset()", error, type(controller))) from error
 
 
 def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCommand:
@@ -371,6 +363,8 @@ def _scan_and_odometry(cars: Cars, row: int) -> tuple[LaserScan, Odometry]:
 
 
 def _failed(error: BaseException, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerError:
+    from .planner_failure import failure_of, place
+
     failure = failure_of(error, kind, scan, odometry)
     where = place(failure.file, failure.line)
     return PlannerError(
@@ -379,6 +373,8 @@ def _failed(error: BaseException, kind: type, scan: LaserScan, odometry: Odometr
 
 
 def _answered(said: str, accepted: str, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerError:
+    from .planner_failure import place, wrong_answer
+
     failure = wrong_answer(f"{said}; accepted: {accepted}", kind, scan, odometry)
     where = place(failure.file, failure.line)
     message = f"controller {kind.__name__} {said} at t = {scan.stamp:.3f} s{where}; accepted: {accepted}"

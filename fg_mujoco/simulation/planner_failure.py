@@ -7,9 +7,7 @@ import inspect
 import os
 import re
 import sys
-import threading
 import traceback
-from collections.abc import Iterator
 from dataclasses import FrozenInstanceError, dataclass, field
 from pathlib import Path
 from types import FunctionType
@@ -19,10 +17,6 @@ from ..display import brief
 from ..messages import LaserScan, Odometry
 
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")  # of numba's messages in a terminal
-
-
-class DecisionLimitReached(BaseException):
-    """A decision that took longer than its limit. No Exception: a planner that catches those does not catch it."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -71,33 +65,6 @@ def _advice(error: BaseException, said: str) -> str:
     return ""
 
 
-def is_of_planner(error: BaseException) -> bool:
-    """Return whether an exception is the planner's fault, and not Ctrl-C or the decision limit."""
-    return not isinstance(error, (DecisionLimitReached, KeyboardInterrupt))
-
-
-@contextlib.contextmanager
-def kept_folder() -> Iterator[None]:
-    """Make the current folder in the end again what it was, where a planner has changed it: paths are from there."""
-    folder = _current_folder()
-    try:
-        yield
-    finally:
-        if folder is not None and _current_folder() != folder:
-            with contextlib.suppress(OSError):
-                os.chdir(folder)
-
-
-def _current_folder() -> str | None:
-    """Return the current folder; None: another thread may change it, or it is not there any more."""
-    if threading.current_thread() is not threading.main_thread():
-        return None
-    try:
-        return os.getcwd()
-    except OSError:
-        return None
-
-
 def place(file: str | None, line: int | None) -> str:
     """Return a file and a line in it in brackets; nothing where there is no line."""
     return f" ({file}, line {line})" if file is not None and line is not None else ""
@@ -106,6 +73,11 @@ def place(file: str | None, line: int | None) -> str:
 def error_text(error: BaseException, file: str | None) -> str:
     """Return the kind and the message of an error, and the line of a planner's file in which it was raised."""
     return one_line(error) + ("" if isinstance(error, SyntaxError) else place(file, line_of(error, file)))
+
+
+def failed_in(what: str, error: BaseException, kind: type) -> str:
+    """Return that a method of a planner of a class failed with an error."""
+    return f"controller {kind.__name__} failed in {what}: {error_text(error, file_of(kind))}"
 
 
 def file_of(kind: Any) -> str | None:

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ModelError, SettingsError
+from ..errors import ModelError, SettingsError, is_of_planner
 from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects
 from ..lidar.scan_pipeline import EffectsOfRows, ScanPipeline
@@ -24,7 +24,7 @@ from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.motion import drift_odometry
 from ..vehicle.sensors import CarState, Sensor
 from .cars import car_prefix
-from .planner_failure import error_text, file_of, is_of_planner
+from .planner_failure import error_text, file_of
 from .world_batch import CarArrays, Mask
 
 _SAME_TIME = 1e-9  # [s]

@@ -12,8 +12,8 @@ from numba.core import event
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.compiled.kernels import CompileTime, kernel
+from fg_mujoco.errors import DecisionLimitReached
 from fg_mujoco.racing.decision_times import DecisionClock, DecisionTimes
-from fg_mujoco.simulation.planner_failure import DecisionLimitReached
 from hand_planners import driven
 
 TICK = 0.025

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from fg_mujoco.arguments import Suggesting, explain_class
+from fg_mujoco.course.files import kept_folder
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.display import Shown, brief, escaped, paragraph, quoted
 from fg_mujoco.messages import require_whole
@@ -26,7 +27,6 @@ from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.job import versions
 from fg_mujoco.rollouts.store import WRITABLE, Rows, StudyFolder, blame, claimed
 from fg_mujoco.rollouts.workers import time_left, work_through
-from fg_mujoco.simulation.planner_failure import kept_folder
 
 from ..runs.run import Run, RunRow
 from .page import write_study_page

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from fg_mujoco.arguments import explain_class
+from fg_mujoco.course.files import kept_folder
 from fg_mujoco.errors import FgMujocoError, RunFolderError, SettingsError
 from fg_mujoco.messages import Controller, FloatArray, LaserScan, Odometry
 from fg_mujoco.pictures.rendering.recorded_drive import Drive, read_drive
 from fg_mujoco.racing.resimulation import load_world, recorded_planner, resimulate
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.run_folder import FAILED_SCAN, Run, read_failed_scan, read_run
-from fg_mujoco.simulation.planner_failure import kept_folder
 from fg_mujoco.simulation.world import World
 
 from ..report.map_shapes import map_shapes

@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from fg_mujoco.course.files import kept_folder
 from fg_mujoco.course.lap_timer import LapTimer
-from fg_mujoco.errors import FgMujocoError, PlannerError, SettingsError
+from fg_mujoco.errors import FgMujocoError, PlannerError, SettingsError, is_of_planner
 from fg_mujoco.lidar.beams import lidar_body
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch
 from fg_mujoco.racing.entries import check_starts
@@ -28,7 +29,7 @@ from fg_mujoco.racing.planners import make_controller, split_controller
 from fg_mujoco.racing.resolved import Resolved
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup
 from fg_mujoco.simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
-from fg_mujoco.simulation.planner_failure import PlannerFailure, is_of_planner, kept_folder
+from fg_mujoco.simulation.planner_failure import PlannerFailure
 from fg_mujoco.simulation.settings import DriveSettings, Start
 from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.telemetry import TELEMETRY
