@@ -25,151 +25,88 @@ from .errors import nearest as _nearest
 from .registry import added as _added
 
 if TYPE_CHECKING:
-    from fg_mujoco.addons.arena.random_courses.generator import generate_track
-    from fg_mujoco.addons.arena.study.functions import compare
-    from fg_mujoco.addons.arena.study.store import Study
-    from fg_mujoco.addons.learn.dataset import Dataset, read_dataset
-    from fg_mujoco.addons.learn.parallel import parallel_env
-    from fg_mujoco.addons.look.debug import debug
-    from fg_mujoco.addons.realcar.bag_drive import identify
+    from fg_mujoco.addons.arena.random_courses.generator import generate_track as generate_track
+    from fg_mujoco.addons.arena.study.functions import compare as compare
+    from fg_mujoco.addons.arena.study.store import Study as Study
+    from fg_mujoco.addons.learn.dataset import Dataset as Dataset
+    from fg_mujoco.addons.learn.dataset import read_dataset as read_dataset
+    from fg_mujoco.addons.learn.parallel import parallel_env as parallel_env
+    from fg_mujoco.addons.look.debug import debug as debug
+    from fg_mujoco.addons.realcar.bag_drive import identify as identify
 
-    from .course.centreline_csv import read_centreline, write_centreline
-    from .course.course import Course
-    from .course.formats import track_names
-    from .course.maps.export import export_track
-    from .course.maps.map_track import read_map
-    from .course.moving_obstacles import MovingObstacle
-    from .course.obstacles import Box, Cylinder, Prism
-    from .course.open_ground import OpenGround
-    from .course.scene import Scene
-    from .course.scenes import scene_names
-    from .course.track import Track
-    from .course.walled_track import MapTrack
-    from .errors import (
-        BagError,
-        ControllerError,
-        EngineError,
-        FgMujocoError,
-        MissingExtraError,
-        ModelError,
-        PlannerError,
-        RunFolderError,
-        SettingsError,
-        TrackError,
-    )
-    from .lab.commands import Commands
-    from .lab.drive import drive
-    from .lab.handling import handling
-    from .lidar.effects import LidarEffects
-    from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
-    from .pictures.plots import trace_picture, track_picture, write_run
-    from .pictures.rendering import Film, Renderer, render, write_video
-    from .racing.entries import Entry
-    from .racing.planners import controller_names, make_controller
-    from .racing.race import race
-    from .racing.replay import replay
-    from .racing.resimulation import scan_at
-    from .racing.result import CarResult, RaceResult
-    from .racing.rules import Contact, Overtake
-    from .racing.run_folder import Run, read_run
-    from .racing.setup import Setup
-    from .rollouts.rollout_result import RolloutResult, read_rollout
-    from .rollouts.rollouts import Executor, rollout
-    from .simulation.course_loading import load_track
-    from .simulation.settings import Start
-    from .simulation.showing import show
-    from .simulation.simulation import Simulation
-    from .simulation.telemetry import TELEMETRY
-    from .simulation.world import World
-    from .vehicle.changes import CarChanges
-    from .vehicle.friction_patches import Patch
-    from .vehicle.tires import Tires, tire_names
-    from .vehicle.vehicle import Vehicle, vehicle_names
+    from .course.centreline_csv import read_centreline as read_centreline
+    from .course.centreline_csv import write_centreline as write_centreline
+    from .course.course import Course as Course
+    from .course.formats import track_names as track_names
+    from .course.maps.export import export_track as export_track
+    from .course.maps.map_track import read_map as read_map
+    from .course.moving_obstacles import MovingObstacle as MovingObstacle
+    from .course.obstacles import Box as Box
+    from .course.obstacles import Cylinder as Cylinder
+    from .course.obstacles import Prism as Prism
+    from .course.open_ground import OpenGround as OpenGround
+    from .course.scene import Scene as Scene
+    from .course.scenes import scene_names as scene_names
+    from .course.track import Track as Track
+    from .course.walled_track import MapTrack as MapTrack
+    from .errors import BagError as BagError
+    from .errors import ControllerError as ControllerError
+    from .errors import EngineError as EngineError
+    from .errors import FgMujocoError as FgMujocoError
+    from .errors import MissingExtraError as MissingExtraError
+    from .errors import ModelError as ModelError
+    from .errors import PlannerError as PlannerError
+    from .errors import RunFolderError as RunFolderError
+    from .errors import SettingsError as SettingsError
+    from .errors import TrackError as TrackError
+    from .lab.commands import Commands as Commands
+    from .lab.drive import drive as drive
+    from .lab.handling import handling as handling
+    from .lidar.effects import LidarEffects as LidarEffects
+    from .messages import STOP as STOP
+    from .messages import CarParameters as CarParameters
+    from .messages import Controller as Controller
+    from .messages import DriveCommand as DriveCommand
+    from .messages import LaserScan as LaserScan
+    from .messages import Odometry as Odometry
+    from .pictures.plots import trace_picture as trace_picture
+    from .pictures.plots import track_picture as track_picture
+    from .pictures.plots import write_run as write_run
+    from .pictures.rendering import Film as Film
+    from .pictures.rendering import Renderer as Renderer
+    from .pictures.rendering import render as render
+    from .pictures.rendering import write_video as write_video
+    from .racing.entries import Entry as Entry
+    from .racing.planners import controller_names as controller_names
+    from .racing.planners import make_controller as make_controller
+    from .racing.race import race as race
+    from .racing.replay import replay as replay
+    from .racing.resimulation import scan_at as scan_at
+    from .racing.result import CarResult as CarResult
+    from .racing.result import RaceResult as RaceResult
+    from .racing.rules import Contact as Contact
+    from .racing.rules import Overtake as Overtake
+    from .racing.run_folder import Run as Run
+    from .racing.run_folder import read_run as read_run
+    from .racing.setup import Setup as Setup
+    from .rollouts.rollout_result import RolloutResult as RolloutResult
+    from .rollouts.rollout_result import read_rollout as read_rollout
+    from .rollouts.rollouts import Executor as Executor
+    from .rollouts.rollouts import rollout as rollout
+    from .simulation.course_loading import load_track as load_track
+    from .simulation.settings import Start as Start
+    from .simulation.showing import show as show
+    from .simulation.simulation import Simulation as Simulation
+    from .simulation.telemetry import TELEMETRY as TELEMETRY
+    from .simulation.world import World as World
+    from .vehicle.changes import CarChanges as CarChanges
+    from .vehicle.friction_patches import Patch as Patch
+    from .vehicle.tires import Tires as Tires
+    from .vehicle.tires import tire_names as tire_names
+    from .vehicle.vehicle import Vehicle as Vehicle
+    from .vehicle.vehicle import vehicle_names as vehicle_names
 
     __version__: str
-
-__all__ = [
-    "STOP",
-    "TELEMETRY",
-    "BagError",
-    "Box",
-    "CarChanges",
-    "CarParameters",
-    "CarResult",
-    "Commands",
-    "Contact",
-    "Controller",
-    "ControllerError",
-    "Course",
-    "Cylinder",
-    "Dataset",
-    "DriveCommand",
-    "EngineError",
-    "Entry",
-    "Executor",
-    "FgMujocoError",
-    "Film",
-    "LaserScan",
-    "LidarEffects",
-    "MapTrack",
-    "MissingExtraError",
-    "ModelError",
-    "MovingObstacle",
-    "Odometry",
-    "OpenGround",
-    "Overtake",
-    "Patch",
-    "PlannerError",
-    "Prism",
-    "RaceResult",
-    "Renderer",
-    "RolloutResult",
-    "Run",
-    "RunFolderError",
-    "Scene",
-    "SettingsError",
-    "Setup",
-    "Simulation",
-    "Start",
-    "Study",
-    "Tires",
-    "Track",
-    "TrackError",
-    "Vehicle",
-    "World",
-    "__version__",
-    "compare",
-    "controller_names",
-    "debug",
-    "drive",
-    "export_track",
-    "generate_track",
-    "handling",
-    "identify",
-    "load_track",
-    "make_controller",
-    "parallel_env",
-    "race",
-    "read_centreline",
-    "read_dataset",
-    "read_map",
-    "read_rollout",
-    "read_run",
-    "render",
-    "replay",
-    "rollout",
-    "scan_at",
-    "scene_names",
-    "show",
-    "tire_names",
-    "trace_picture",
-    "track_names",
-    "track_picture",
-    "vehicle_names",
-    "write_centreline",
-    "write_run",
-    "write_video",
-]
 
 _PLACES = {
     "course.centreline_csv": "read_centreline write_centreline",
@@ -219,6 +156,7 @@ _PLACES = {
 
 _HOMES = {name: f"fg_mujoco.{module}:{name}" for module, names in _PLACES.items() for name in names.split()}
 _HOMES |= _added("NAMES")
+__all__ = sorted(["__version__", *_HOMES])
 _MODULES = frozenset(module.partition(".")[0] for module in (*_PLACES, "addons", "compiled", "controllers", "models"))
 _MODULES |= {"from_addons"}
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
