@@ -205,6 +205,8 @@ def _has_files(folder: Path) -> bool:
 @contextmanager
 def _numbered(parent: Path) -> Iterator[str]:
     """Make the folder with the next number in another, and yield its path; one that stays empty is removed again."""
+    from ..course.writing import writing
+
     with writing(parent, "a folder that can be"):
         parent.mkdir(parents=True, exist_ok=True)
         numbers = [int(path.name) for path in parent.iterdir() if re.fullmatch("[0-9]{3,9}", path.name)]
