@@ -20,7 +20,7 @@ from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # then: i
 
 # isort: split
 from .arguments import explained as _explained
-from .envs.registration import register_once_imported as _register_once_imported
+from .envs import register_once_imported as _register_once_imported
 from .errors import nearest as _nearest
 from .registry import added as _added
 

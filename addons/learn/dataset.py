@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.arguments import Suggesting, explain_class
 from fg_mujoco.display import brief
-from fg_mujoco.envs.registration import ID
+from fg_mujoco.envs import ID
 from fg_mujoco.errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, missing_extra
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.randomization import Randomization

@@ -24,6 +24,8 @@ from ..arguments import Remade
 from ..display import brief
 from ..errors import SettingsError, accepted_names, missing_extra
 from ..lidar.beams import LidarModel
+from . import ID as ID
+from . import register
 from .actions import ActionBounds
 from .environment_settings import EnvironmentSettings
 from .episode_draws import read_options
@@ -31,8 +33,6 @@ from .episodes import Episodes
 from .observations import Bounds
 from .observer import CAMERA, FLAT
 from .policy_interface import PolicyInterface, row_of
-from .registration import ID as ID
-from .registration import register
 from .rendering import Window, WorldViews, usable_modes
 from .worlds import Worlds
 

@@ -1,4 +1,4 @@
-"""The linear single-track model as published, and what our car does beside it."""
+"""The linear single-track model as published, and what our car does beside it; numbers of vehicles by fitting."""
 
 import math
 from itertools import product
@@ -8,11 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import fg_mujoco as fg
 from car_worlds import flat_world
 from cases import each
+from fg_mujoco.addons.realcar.fitting import fit
 from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, linear_rates
 from fg_mujoco.lab.steady_circle import SteadyCircle
+from fg_mujoco.vehicle.bodywork import add_hull
 from fg_mujoco.vehicle.tires import Tires
+from vehicle_worlds import load
 
 CAR = flat_world()[2]
 OWN = CAR.parameters
@@ -71,3 +75,21 @@ def test_our_car_turns_as_the_linear_model_does_below_half_of_the_limit():
             speed = math.hypot(reading.speed, yaw_rate * lr)  # of the centre of gravity
             stiffness = float(rate) * speed / MU_G
             assert settled(steering, speed, stiffness, stiffness) == pytest.approx(yaw_rate, rel=margin)
+
+
+@each("name", (*fg.vehicle_names(), "made"))
+def test_its_numbers_are_those_that_fitting_gives(name):
+    """Of what a compiled model has; so that no number is left behind when another is changed."""
+    vehicle = load(name)
+    spec, limits = vehicle.spec(), vehicle.parameters
+    fit(
+        spec,
+        mass=limits.mass,
+        center_of_gravity=(limits.rear_axle_distance, limits.center_of_gravity_height),
+        yaw_inertia=limits.yaw_inertia,
+    )
+    fitted, model = add_hull(spec).compile(), vehicle.compile()
+    for array in ("body_mass", "body_ipos", "body_inertia", "body_pos", "geom_size", "site_pos", "qpos_spring",
+                  "eq_data", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):  # fmt: skip
+        rounding = 4e-5 if array == "eq_data" else 3e-6
+        assert getattr(model, array) == pytest.approx(getattr(fitted, array), rel=1e-4, abs=rounding), array
