@@ -108,7 +108,8 @@ class Sensor:
         if self.rate is None:
             object.__setattr__(self, "rate", type(self).rate)
         if self.rate is not None:
-            require(self, lambda value: 0.0 < value <= _ANY_RATE, "a number above 0 [Hz]", ("rate",), SettingsError)
+            accepted = f"a number above 0, up to {_ANY_RATE:g} [Hz]"
+            require(self, lambda value: 0.0 < value <= _ANY_RATE, accepted, ("rate",), SettingsError)
         accepted = f"0 to {LONGEST_DELAY:g} s"
         require(self, lambda value: 0.0 <= value <= LONGEST_DELAY, accepted, ("delay",), SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("dropout_probability",), SettingsError)
