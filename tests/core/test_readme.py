@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(not TEXT, reason="not a checkout of the reposito
 
 SHORTER = {
     "render": "--to 0.2 --size 160x120 --quality draft",
-    "compare": "--controller gap_finder,wall_follow --laps 1 --time-limit 0.6",
+    "compare": "--controller gap_finder,wall_follow --laps 1 --time-limit 0.6 --workers 1",
     "rollout": "--n 4 --workers 1",
     "view": "--port {port}",
 }
