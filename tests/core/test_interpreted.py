@@ -16,7 +16,7 @@ circle = np.column_stack([2.0 * np.cos(angles), 2.0 * np.sin(angles), np.full((6
 np.savetxt("circle.csv", circle, delimiter=",", header="x_m, y_m, w_tr_right_m, w_tr_left_m")
 short = {"laps": 1, "time_limit": 0.05, "max_speed": 3.0}
 results = [
-    fg.race("scene:crossing_box:0", "gap_finder", **short),
+    fg.race("scene:crossing_box:0", "gap_finder[assist=safe]", **short),
     fg.race("circle.csv", "pure_pursuit", laps=1, time_limit=0.2, mu=0.2, planner_mu=1.0),  # it slides
 ]
 ends = [each.car.telemetry[-1].tolist() for each in results]

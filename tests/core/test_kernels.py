@@ -19,7 +19,6 @@ from fg_mujoco.compiled.kernel_files import made_once
 from fg_mujoco.compiled.kernels import cache_folder, kernel
 from fg_mujoco.compiled.machine_code import machine
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from installed_package import install_into
 from scan_worlds import CAR
 from terminals import read_to_the_end
 
@@ -204,16 +203,6 @@ def test_a_process_waits_for_what_another_one_makes(tmp_path, patience, found):
                 assert other.stdout.readline() == "False\n"
         if found:
             assert other.stdout.readline() == "True\n"
-
-
-def test_names_are_the_same_in_a_checkout_and_installed(tmp_path):
-    install_into(tmp_path)
-    code = (
-        "from fg_mujoco.compiled.kernel_keys import identity;"
-        "from fg_mujoco.controllers.gap_finder import GapFinder as g; print(identity(g.goal.py_func))"
-    )
-    here, there = run(code), run(code, cwd=tmp_path)
-    assert here.returncode == 0 and here.stdout == there.stdout
 
 
 CALLS = """

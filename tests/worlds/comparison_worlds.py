@@ -43,9 +43,6 @@ class Slow(Gentle):
     speed = 0.1
     def reset(self): pass
     def now(self, at): time.sleep(0.005)
-
-class Hangs(Stands):
-    def now(self, at): at < 0.07 or time.sleep(30.0)
 """
 FAILS_AT = PLANNERS[: PLANNERS.index("raise ValueError")].count("\n") + 1
 
