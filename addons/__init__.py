@@ -4,7 +4,7 @@
     servers   nodes of ROS 2, Foxglove and AutoDRIVE's bridge
     gym2d     scripts that were written for f1tenth_gym
     learn     training, and policies from files
-    arena     study, compare, bench; race control; scenes, tight circuits
+    arena     study, compare, bench, tune; race control; scenes, tight circuits
     realcar   drives and bags of real cars: identify, validate, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
     formats   courses, lines and cars in the files that teams have
@@ -19,6 +19,7 @@ COMMANDS = {
     "bench": "arena.commands:bench_command",
     "compare": "arena.commands:compare_command",
     "study": "arena.commands:study_command",
+    "tune": "arena.commands:tune_command",
     "train": "learn.commands:train_command",
     "identify": "realcar.commands:identify_command",
     "validate": "realcar.commands:validate_command",
@@ -43,6 +44,7 @@ NAMES = {
     "identify": "realcar.bag_drive:identify",
     "parallel_env": "learn.parallel:parallel_env",
     "read_dataset": "learn.dataset:read_dataset",
+    "tune": "arena.tuning:tune",
 }
 """Public names of `fg_mujoco` that add-ons have."""
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from fg_mujoco.addons.arena.random_courses.generator import generate_track as generate_track
     from fg_mujoco.addons.arena.study.functions import compare as compare
     from fg_mujoco.addons.arena.study.store import Study as Study
+    from fg_mujoco.addons.arena.tuning import tune as tune
     from fg_mujoco.addons.learn.dataset import Dataset as Dataset
     from fg_mujoco.addons.learn.dataset import read_dataset as read_dataset
     from fg_mujoco.addons.learn.parallel import parallel_env as parallel_env
@@ -85,7 +86,6 @@ if TYPE_CHECKING:
     from .racing.result import CarResult as CarResult
     from .racing.result import RaceResult as RaceResult
     from .racing.rules import Contact as Contact
-    from .racing.rules import Overtake as Overtake
     from .racing.run_folder import Run as Run
     from .racing.run_folder import read_run as read_run
     from .racing.setup import Setup as Setup
@@ -131,7 +131,7 @@ _PLACES = {
     "lab.handling": "handling",
     "racing.planners": "controller_names make_controller",
     "racing.race": "race",
-    "racing.rules": "Contact Overtake",
+    "racing.rules": "Contact",
     "racing.replay": "replay",
     "racing.resimulation": "scan_at",
     "racing.result": "CarResult RaceResult",

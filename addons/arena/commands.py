@@ -1,6 +1,7 @@
-"""The commands of studies: `study`, and `compare` and `bench`, which are studies of a suite that they make or have.
+"""The commands of studies: `study`; `compare` and `bench`, which are studies of a suite that they make or have; `tune`.
 
-Exit codes: 0 all runs were driven, however they ended; 1 a run could not be driven, or a planner has not passed a lab;
+Exit codes: 0 all runs were driven, however they ended; 1 a run could not be driven, a planner has not passed a lab,
+or no draw of `tune` is safe;
 2 input that cannot be used; 130 Ctrl-C. Runs that are finished then stay in the folder of `--out`, and the same command
 goes on with the others.
 """
@@ -18,8 +19,11 @@ from fg_mujoco.cli.command import (
     JSON,
     WORKERS,
     Part,
+    can_draw,
     command,
+    named_values,
     names_in,
+    number,
     numbers_in,
     option,
     whole,
@@ -27,6 +31,7 @@ from fg_mujoco.cli.command import (
 from fg_mujoco.cli.options import NAMES, setup_of, setup_options
 from fg_mujoco.cli.out import STUDY, out_options
 from fg_mujoco.cli.progress import study as shown
+from fg_mujoco.cli.rollout import EXECUTOR, executor_for, rollout_progress
 from fg_mujoco.course.scenes import PREFIX, scene_names
 from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.racing.setup import Setup
@@ -36,8 +41,11 @@ from fg_mujoco.simulation.settings import FASTEST
 from .study.functions import DEFAULT_SEEDS, REACTIVE, compare, study
 from .study.store import PAGE, Study, StudyProgress
 from .study.suite import read_suite
+from .tuning import CONDITIONS, RUNS, tune
 
 _DONE, _NOT_DONE = 0, 1
+_ROWS = 30  # of the table of `tune` in a terminal
+PICTURE = "settings.png"
 
 _SEEDS = "numbers, or FIRST:END without END"
 _OUT = "table, page and finished runs; the same command goes on there, and a larger one drives only the new runs"
@@ -140,3 +148,45 @@ def study_command(options: argparse.Namespace) -> int:
 def bench_command(options: argparse.Namespace) -> int:
     """Drive planners through a suite of courses and conditions, and score them: a study with scores."""
     return _study(options, scored=True)
+
+
+@command(
+    option(
+        "controller", "NAME, path/to/file.py:ClassName or a policy's file; settings in brackets are those of all draws",
+        "PLANNER", names=controller_names,
+    ),
+    option(
+        "--set", "draw a setting of the planner, max_speed or planner_mu; again for each", "NAME=LOW:HIGH|A|B",
+        default=[], action="append",
+    ),
+    option("--mu", "friction of the tires, or its range: LOW:HIGH; default: of the tires' file", "MU"),
+    option("--runs", f"of all draws together; default: {RUNS}", "N", whole, RUNS),
+    option(
+        "--conditions", f"frictions and starts, the same for each draw; default: {CONDITIONS}", "N", whole, CONDITIONS
+    ),
+    setup_options(
+        but=("controller", "mu", "lidar", "motion_distortion", "rules"), laps="default: 1",
+        assist="stages between planner and car, as of `race`; default: none",
+        seed="of draws, conditions and noise; default: 0",
+    ),
+    option("--workers", "threads, processes, or with Ray cores; default: all cores", "N", whole),
+    EXECUTOR, out_options(STUDY, "table, picture and finished runs; the same command goes on there"), JSON, CONFIG,
+    TRUST,
+)  # fmt: skip
+def tune_command(options: argparse.Namespace) -> int:
+    """Drive a planner with many draws of its settings under the same conditions, and rank them, the safest first."""
+    own = ("controller", "mu", "assist")
+    setup, mu = setup_of(options, lists=own), options.mu
+    usual = setup.replace(controller=options.controller)
+    with shown(options, "runs", rollout_progress) as watch:
+        found = tune(
+            options.controller, named_values(options.set, "--set", "NAME=LOW:HIGH or NAME=A|B"), setup=setup,
+            mu=mu if mu is None or ":" in mu else number(mu), assist=getattr(options, "assist", None), out=options.out,
+            runs=options.runs, conditions=options.conditions, workers=options.workers, watch=watch,
+            executor=options.executor or executor_for(usual),
+        )  # fmt: skip
+    if options.out is not None and can_draw(PICTURE, several=False):
+        found.picture(Path(options.out) / PICTURE)
+    figures = {"head": found.head, "best": found.best, "draws": list(found.rows)}
+    print(as_json(figures) if options.json else found.markdown(_ROWS).rstrip())
+    return _NOT_DONE if found.best is None or (found.rollout["end_reason"] == "worker_died").any() else _DONE

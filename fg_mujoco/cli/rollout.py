@@ -31,6 +31,11 @@ from .progress import study
 _DONE, _NOT_DONE = 0, 1
 _MIB = 2**20
 
+EXECUTOR = option(
+    "--executor", "{names}; default: threads; processes where a planner is not bundled or has a limit", "NAME",
+    names=lambda: EXECUTORS,
+)  # fmt: skip
+
 
 @command(
     option(
@@ -59,10 +64,7 @@ _MIB = 2**20
         whole, Executor.memory_budget // _MIB,
     ),
     option("--chunk", f"worlds that a worker drives together; default: {Executor.chunk}", "N", whole, Executor.chunk),
-    option(
-        "--executor", "{names}; default: threads; processes where a planner is not bundled or has a limit", "NAME",
-        names=lambda: EXECUTORS,
-    ),
+    EXECUTOR,
     option(
         "--by", "print the shares of worlds that finished, crashed and slid by a parameter, such as mu, and write them "
         "as by_NAME.md and by_NAME.svg with --out", "NAME",
@@ -77,9 +79,9 @@ def rollout_command(options: argparse.Namespace) -> int:
     require_whole("memory_budget", options.memory_budget, 0)  # of MiB, as it was given
     setup = setup_of(options, lists=("track",))
     executor = Executor(
-        kind=options.executor or _executor(setup), chunk=options.chunk, memory_budget=options.memory_budget * _MIB
+        kind=options.executor or executor_for(setup), chunk=options.chunk, memory_budget=options.memory_budget * _MIB
     )
-    with study(options, "worlds", _progress) as watch:
+    with study(options, "worlds", rollout_progress) as watch:
         result = rollout_setup(
             setup, options.track, n=options.n, record=options.record, out=options.out, workers=options.workers,
             randomize=named_values(options.randomize, "--randomize", "NAME=RANGE, as mu=0.6:1.2"), executor=executor,
@@ -91,7 +93,7 @@ def rollout_command(options: argparse.Namespace) -> int:
     return _NOT_DONE if (result["end_reason"] == "worker_died").any() else _DONE
 
 
-def _executor(setup: Setup) -> str:
+def executor_for(setup: Setup) -> str:
     """Return where worlds are driven unless it is said: a planner of somebody's own may hang, or end its process."""
     planners = (str(entry.controller).partition("[")[0] for entry in setup.entries)
     bundled = all(planner in bundled_names() for planner in planners)
@@ -107,7 +109,8 @@ def _print_shares(result: RolloutResult, name: str, out: str | None) -> None:
             shares.picture(Path(out) / f"by_{name}.svg")
 
 
-def _progress(progress: RolloutProgress) -> tuple[int, int, float | None, str]:
+def rollout_progress(progress: RolloutProgress) -> tuple[int, int, float | None, str]:
+    """Return how many worlds are driven by now, how many there will be, the time to the end [s], and the rate."""
     done = progress.worlds_found + progress.worlds_driven
     return done, progress.worlds, progress.remaining_s, f"  {progress.rate:.0f} world-seconds/s"
 

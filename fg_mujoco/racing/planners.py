@@ -5,8 +5,9 @@ A text is `gap_finder`, a bundled or registered name; `path/to/file.py:ClassName
 brackets: `gap_finder[lookahead=8]`.
 
 A planner is a class with `__call__(scan, odometry)` and `reset()`, or a function `f(scan, odometry)`, which keeps
-nothing from scan to scan. A class with settings names their dataclass as its attribute `Settings`, and its constructor
-takes `settings`. Other packages register planners as entry points of the group `fg_mujoco.controllers`:
+nothing from scan to scan. Its settings are its keyword arguments, those of a class the keywords of its constructor; or
+a class names their dataclass as its attribute `Settings`, and its constructor takes `settings`. Other packages register
+planners as entry points of the group `fg_mujoco.controllers`:
 
     [project.entry-points."fg_mujoco.controllers"]
     my_planner = "my_package.my_module:MyPlanner"
@@ -324,7 +325,9 @@ def _planners_in(module: ModuleType) -> list[str]:
     classes = [value for value in own if isinstance(value, type)]
     planners: list[Any] = [each for each in classes if any("__call__" in vars(base) for base in each.__mro__)]
     for each in own:
-        if inspect.isfunction(each) and list(inspect.signature(each).parameters) == ["scan", "odometry"]:
+        parameters = list(inspect.signature(each).parameters.values()) if inspect.isfunction(each) else []
+        settings = all(p.default is not p.empty for p in parameters[2:])
+        if [p.name for p in parameters[:2]] == ["scan", "odometry"] and settings:
             planners.append(each)
     return [each.__name__ for each in planners or classes]
 
@@ -336,7 +339,17 @@ def _planner_of(function: Callable[[LaserScan, Odometry], DriveCommand], said: s
         signature.bind(None, None)
     except TypeError:
         raise ControllerError(f"{said} is the function {name}{signature}; accepted: {name}(scan, odometry)") from None
-    members = {"__call__": staticmethod(function), "reset": lambda self: None, **vars(function)}
+    settings = [
+        p.replace(kind=p.KEYWORD_ONLY) for p in list(signature.parameters.values())[2:] if p.default is not p.empty
+    ]
+
+    def call(self: Any, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        return function(scan, odometry, **self.settings)
+
+    members = {"__call__": call if settings else staticmethod(function), "reset": lambda self: None, **vars(function)}
+    if settings:
+        members |= {"__init__": lambda self, **given: setattr(self, "settings", given)}
+        members |= {"__signature__": inspect.Signature(settings)}
     return type(name, (), {**members, "__module__": function.__module__, "__doc__": function.__doc__})
 
 
@@ -441,8 +454,11 @@ def build_controller(
     required = [p.name for p in parameters if p.name in wanted and p.default is p.empty]
     if getattr(factory, "any_settings", False):  # parameters of nodes, which are known when these run
         offered["settings"] = dict(settings or {})
-    elif settings or ("settings" in required and hasattr(factory, "Settings")):
-        offered["settings"] = _settings(factory, settings or {}, origin, taken="settings" in wanted)
+    elif _settings_class(factory) is not None:
+        if settings or "settings" in required:
+            offered["settings"] = _settings(factory, settings or {}, origin)
+    elif settings:
+        offered |= _known_settings(factory, settings, origin)
     if context.map_line is None:
         del offered["map_line"]
         if "map_line" in required:
@@ -464,20 +480,39 @@ def build_controller(
     return _checked(controller, origin, context)
 
 
-def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: bool) -> Any:
-    """Return the settings of a controller's class with some of them changed."""
+def settings_of(factory: Any) -> dict[str, Any]:
+    """Return the settings of a planner's class and their defaults: of `Settings`, or keywords of its constructor."""
+    kind = _settings_class(factory)
+    if kind is not None:
+        return {field.name: field.default for field in fields(kind) if field.init}
+    told = {each.name for each in fields(PlannerContext)}
+    parameters = inspect.signature(factory).parameters.values()
+    return {p.name: p.default for p in parameters if p.default is not p.empty and p.name not in told}
+
+
+def _settings_class(factory: Any) -> Any:
+    """Return the dataclass of a class's settings, which its constructor takes; None: it has none."""
     kind = getattr(factory, "Settings", None)
-    if not taken or not isinstance(kind, type) or not is_dataclass(kind):
-        said = f"{origin} has no settings, such as {', '.join(changes)}"
-        accepted = "accepted: a class that names a dataclass as its attribute Settings and takes `settings`"
-        raise ControllerError(f"{said}; {next(filter(None, map(_gone, changes)), accepted)}")
-    defaults = {field.name: field.default for field in fields(kind) if field.init}
+    taken = isinstance(kind, type) and is_dataclass(kind) and "settings" in inspect.signature(factory).parameters
+    return kind if taken else None
+
+
+def _known_settings(factory: Any, changes: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
+    """Refuse settings that a controller's class does not have, or values of another kind than its own."""
+    defaults = settings_of(factory)
     for name, value in changes.items():
         if name not in defaults:
-            raise ControllerError(f"{origin} has no setting {name!r}; {_gone(name) or accepted_names(name, defaults)}")
+            accepted = accepted_names(name, defaults) if defaults else "accepted: none, for it has no settings"
+            raise ControllerError(f"{origin} has no setting {name!r}; {_gone(name) or accepted}")
         kind_of_value = _kind_unlike(defaults[name], value)
         if kind_of_value:
             raise ControllerError(f"{origin}: setting {name} is {short(value)}; accepted: {kind_of_value}")
+    return changes
+
+
+def _settings(factory: Any, changes: Mapping[str, Any], origin: str) -> Any:
+    """Return the settings of a controller's class with some of them changed."""
+    kind, _ = _settings_class(factory), _known_settings(factory, changes, origin)
     try:
         return kind(**changes)
     except SettingsError as error:

@@ -71,6 +71,7 @@ class RolloutJob:
     obstacles: tuple[tuple[Obstacle, ...], ...] = ()  # on each track, in all worlds; none where they are drawn
     opponents: Opponents = field(default_factory=Opponents)  # that car 0 of each world races against
     files: Files = field(default_factory=dict)  # that the planners of car 0 read; none before `checked`
+    values: tuple[dict[str, Value], ...] = ()  # of each world, in place of draws from its seed; none: these are drawn
 
     def __post_init__(self) -> None:
         require_laps(self.laps, optional=True)
@@ -143,6 +144,7 @@ class RolloutJob:
     def scenario(self, world: int, values: dict[str, Value] | None = None) -> Scenario:
         """Return world number `world`; `values` are those that were drawn for it, if they are known."""
         track, seed = world % len(self.tracks), int(self.seeds[world])
+        values = self._drawn([world])[0] if values is None else values
         scenario = self.randomization.scenario(self.tracks[track], seed, values, self._sites[track], self.base)
         placed = self.obstacles[track] if self.obstacles else ()
         return replace(scenario, obstacles=placed) if placed else scenario
@@ -188,6 +190,8 @@ class RolloutJob:
 
     def _drawn(self, numbers: Sequence[int]) -> list[dict[str, Value]]:
         """Return the parameters that are drawn for some worlds."""
+        if self.values:
+            return [self.values[number] for number in numbers]
         return [self.randomization.draw(int(self.seeds[number])) for number in numbers]
 
     def _arrays(self, numbers: Sequence[int], drawn: Sequence[dict[str, Value]], results: WorldResults) -> Arrays:
@@ -230,6 +234,7 @@ class RolloutJob:
             "seed": self.seed,
             "seeds_sha256": _sha256(np.ascontiguousarray(self.seeds, "<i8").tobytes()),
             "randomize": self.randomization.texts(),
+            **({"values_sha256": _sha256(repr(self.values).encode())} if self.values else {}),
             "laps": self.laps,
             "duration": self.time_limit,
             "decision_limit": self.decision_limit,

@@ -127,7 +127,9 @@ class RolloutResult(Shown):
         """
         row, settings = self._row(world), self.settings
         course = self.tracks[row["track"]]
-        scenario = self.randomization.scenario(course, int(row["seed"]), base=self.base)
+        given = self.randomization.ranges if "values_sha256" in settings else ()
+        values = {name: row[name].item() for name in given} or None
+        scenario = self.randomization.scenario(course, int(row["seed"]), values, base=self.base)
         placed = settings.get("obstacles")
         obstacles = as_obstacles(placed[row["track"]]) if placed else scenario.obstacles
         entries: tuple[Entry, ...] = (entry_of(scenario, self.controller),)
@@ -242,9 +244,7 @@ class RolloutResult(Shown):
         """Return the table that `to_csv` writes."""
         tracks = [track.name for track in self.tracks]
         at = self.names.index("track")
-        rows = [
-            (*map(_cell, row[:at]), tracks[row[at]], *map(_cell, row[at + 1 :])) for row in self.worlds.tolist()
-        ]
+        rows = [(*map(_cell, row[:at]), tracks[row[at]], *map(_cell, row[at + 1 :])) for row in self.worlds.tolist()]
         return Table(header=self.names, rows=rows).csv()
 
     def _row(self, world: int) -> Any:
@@ -363,4 +363,3 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return "" if value != value else repr(value).removesuffix(".0")
     return str(value)
-

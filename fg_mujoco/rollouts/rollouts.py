@@ -25,7 +25,7 @@ from ..course.course import Course
 from ..errors import SettingsError, accepted_names
 from ..messages import require_whole
 from ..racing.opponents import Opponents
-from ..racing.planners import split_controller
+from ..racing.planners import Value, split_controller
 from ..racing.randomization import Randomization, world_seeds
 from ..racing.resolved import ground_of
 from ..racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup, SetupKeywords
@@ -163,13 +163,18 @@ def rollout_setup(
     workers: int | None = None,
     executor: Executor | str = "threads",
     watch: Callable[[RolloutProgress], None] | None = None,
+    values: Sequence[dict[str, Value]] = (),
 ) -> RolloutResult:
-    """Drive many worlds of a setup, on several tracks in turn if they are given; else as `rollout`."""
+    """Drive many worlds of a setup, on several tracks in turn if they are given; else as `rollout`.
+
+    `values` are those of each world, by the names of `randomize`, in place of draws from its seed.
+    """
     how = executor if isinstance(executor, Executor) else Executor(kind=executor)
     if how.kind == "ray":
         from_addons.require_ray()
     require_whole("workers", workers, 1, optional=True)
     job = _job(setup, [setup.track] if tracks is None else tracks, n, seeds, randomize, record, how.chunk)
+    job = replace(job, values=tuple(values))
     if how.kind == "ray" and any(":" in str(entry.controller) for entry in job.opponents.entries):
         raise SettingsError("executor is 'ray' with an opponent of a file; accepted: bundled ones, or another executor")
     job = job.checked()
