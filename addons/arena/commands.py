@@ -171,7 +171,6 @@ def bench_command(options: argparse.Namespace) -> int:
     ),
     option("--workers", "threads, processes, or with Ray cores; default: all cores", "N", whole),
     EXECUTOR, out_options(STUDY, "table, picture and finished runs; the same command goes on there"), JSON, CONFIG,
-    TRUST,
 )  # fmt: skip
 def tune_command(options: argparse.Namespace) -> int:
     """Drive a planner with many draws of its settings under the same conditions, and rank them, the safest first."""
