@@ -174,9 +174,8 @@ def bench_command(options: argparse.Namespace) -> int:
 )  # fmt: skip
 def tune_command(options: argparse.Namespace) -> int:
     """Drive a planner with many draws of its settings under the same conditions, and rank them, the safest first."""
-    own = ("controller", "mu", "assist")
-    setup, mu = setup_of(options, lists=own), options.mu
-    usual = setup.replace(controller=options.controller)
+    setup, mu = setup_of(options, lists=("controller", "mu", "assist")), options.mu
+    usual = setup.with_cars(controller=options.controller)
     with shown(options, "runs", rollout_progress) as watch:
         found = tune(
             options.controller, named_values(options.set, "--set", "NAME=LOW:HIGH or NAME=A|B"), setup=setup,

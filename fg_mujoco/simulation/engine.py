@@ -388,7 +388,11 @@ class Engine(Uncopied):
         """Go on in world i from a recorded state (k,), complete, as `state` returns it.
 
         Args:
-          effects, seed, odometry_drift: as in `place`, of all cars alike, or one for each.
+          i: of the world.
+          state: as `state` returns it.
+          effects: as in `place`, of all cars alike, or one for each.
+          seed: in the same way.
+          odometry_drift: in the same way.
           sensors: of each car, besides LiDAR and odometry; nothing: none.
           timed: begin the races of its cars there, with their laps and why they end; else they race without end.
         """
