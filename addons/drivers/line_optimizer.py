@@ -240,11 +240,7 @@ def _geometry(line: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Flo
 
 
 def _bending(to: FloatArray, on: FloatArray, turning: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return how much each second difference grows by a move of the point before, of its own, and of the next.
-
-    `turning` is what the turning of the normals adds: the squared curvature for the curvature itself, and its negative
-    for the second difference of the places at steps that stay as long as they are.
-    """
+    """Return how much each second difference grows by a move of the point before, of its own, and of the next."""
     mean = 0.5 * (to + on)
     return 1.0 / (to * mean), turning - 1.0 / (to * mean) - 1.0 / (on * mean), 1.0 / (on * mean)
 

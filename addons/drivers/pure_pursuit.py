@@ -341,10 +341,7 @@ def _table(
     settings: Any,
     walled: MapLine | None,
 ) -> FloatArray:
-    """Return the table of a line, read-only: planners of the same line and settings share it.
-
-    `walled` has the walls that the car keeps clear of beside the line; None: it does not look at them.
-    """
+    """Return the table of a line, read-only: planners of the same line and settings share it."""
     table = line_table(
         np.frombuffer(points).reshape(-1, 2),
         np.frombuffer(speeds),

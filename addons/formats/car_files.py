@@ -192,10 +192,7 @@ def _ini(text: str) -> dict[str, dict[str, Any]]:
 
 
 def _of_tum(numbers: dict[str, float]) -> dict[str, float]:
-    """Return what follows from TUM's numbers: its tires' D is `mue` alone; its motor has a force and a power.
-
-    What is a motor's is taken out of the numbers, unless it is that of a car of another size.
-    """
+    """Return what follows from TUM's numbers: its tires' D is `mue` alone; its motor has a force and a power."""
     found: dict[str, float] = {}
     if {"f_z0", "B_front", "B_rear", "mue"} <= set(numbers):
         found |= {f"D{axle} of F_z mue": 1.0 for axle in "fr"}

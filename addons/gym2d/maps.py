@@ -152,11 +152,7 @@ def _image_beside(path: Path) -> Path | None:
 
 
 def _larger(course: Course, scale: float) -> Course:
-    """Return a course that is larger by a factor about the world's origin.
-
-    Raises:
-      SettingsError: a course that is no circuit.
-    """
+    """Return a course that is larger by a factor about the world's origin."""
     if scale == 1.0:
         return course
     if type(course) is not Track or course.moving:

@@ -462,10 +462,7 @@ def _rank(topic: Topic) -> tuple[int, str]:
 
 
 def _set_back(times: NDArray[np.int64], owners: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Return when the recorder's clock was set back, and by how much [ns]: where the times of one topic go back.
-
-    Times of different topics say nothing: some tools write topic by topic.
-    """
+    """Return when the recorder's clock was set back, and by how much [ns]: where the times of one topic go back."""
     falls = []  # (first row after it, last row before it, by how much)
     for owner in np.unique(owners).tolist():
         rows = np.flatnonzero(owners == owner)

@@ -486,11 +486,7 @@ def require_foxglove() -> None:
 
 
 def _read(topic: str, encoding: str, content: bytes) -> Any:
-    """Return a client's message, whose fields are attributes.
-
-    Raises:
-      MessageError: it cannot be read.
-    """
+    """Return a client's message, whose fields are attributes."""
     try:
         if encoding == "cdr":
             return from_cdr(content, ACCEPTED[topic])

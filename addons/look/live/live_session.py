@@ -380,11 +380,7 @@ class LiveSession:
         return settings.world(self._ground.course, obstacles=self._ground.boxes, others=others)
 
     def _make_opponents(self) -> Planners:
-        """Return the opponents' planners, as new.
-
-        Raises:
-          ControllerError: a planner that cannot be built.
-        """
+        """Return the opponents' planners, as new."""
         groups: list[tuple[Any, Planners]] = []
         for row, opponent in enumerate(self._opponents, start=1):
             source, settings = split_controller(opponent.controller, opponent.planner_settings)
@@ -423,11 +419,7 @@ class LiveSession:
         return planner
 
     def _start_at(self, x: float, y: float, heading: float) -> Start:
-        """Return the start that is a pose on the map.
-
-        Raises:
-          SettingsError: the pose is beyond the walls, or in an obstacle.
-        """
+        """Return the start that is a pose on the map."""
         course = self._ground.course
         place, offset = (float(values[0]) for values in course.project(np.array([[x, y]])))
         s = place - (course.origin or 0.0)

@@ -232,10 +232,7 @@ def _check_clock(path: Path, time: FloatArray, column: Column, numbers: list[int
 
 
 def _check_jumps(path: Path, raw: dict[str, FloatArray], column: Column, numbers: list[int]) -> None:
-    """Refuse a clock that goes forth by more than a pause, or by less, while the poses of a car go on as before.
-
-    A drive is cut at a pause, so that it does not matter whether the clock was set there.
-    """
+    """Refuse a clock that goes forth by more than a pause, or by less, while the poses of a car go on as before."""
     rows = np.flatnonzero(np.isfinite(raw["time"]))
     time, speed = raw["time"][rows], raw["speed"][rows]
     steps = np.diff(time)

@@ -275,11 +275,7 @@ class _Reduced:
 
 
 def _lacks(parameters: FloatArray, free: NDArray[np.bool_]) -> FloatArray:
-    """Return how much of D the curves of both axles lack of `_REACHED` (2,) [-]; 0 where a curve is held a line.
-
-    With E above 1 a curve may turn back before its sine reaches one. Such a curve fits as well as others, but D is not
-    its peak then, and no tire file may have it.
-    """
+    """Return how much of D the curves of both axles lack of `_REACHED` (2,) [-]; 0 where a curve is held a line."""
     found = np.zeros(2)
     for axle in (0, 1):
         places = slice(4 * axle, 4 * axle + 4)
@@ -365,10 +361,7 @@ def _stepped(
     noise: FloatArray,
     free: NDArray[np.bool_],
 ) -> tuple[float, list[FloatArray]]:
-    """Return the cost and the starts after a step of the parameters.
-
-    Each segment takes the share of its own step at which it fits best: past the peak, a whole one may lead far away.
-    """
+    """Return the cost and the starts after a step of the parameters."""
     prior = _prior(parameters, free)
     cost, stepped = float(prior @ prior), []
     for problem, begun, kept in zip(problems, starts, reduced.eliminated, strict=True):
@@ -445,11 +438,7 @@ def _covariance(
     noise: FloatArray,
     free: NDArray[np.bool_],
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the covariance of the parameters, and which of them are at a bound.
-
-    The spread between segments counts (a sandwich clustered by segment), because residuals of a model that errs are
-    not independent within one; it is never taken to be less than what the noise alone gives.
-    """
+    """Return the covariance of the parameters, and which of them are at a bound."""
     reduced = _reduce(problems, parameters, starts, noise, free)
     margin = 1e-4 * (_GREATEST - _LEAST)
     at_bound = free & ((parameters <= _LEAST + margin) | (parameters >= _GREATEST - margin))

@@ -94,15 +94,7 @@ def smooth(drive: Drive) -> Motion:
 
 
 class _Path:
-    """The most probable path of a linear system of integrators, as rows of a sparse least-squares problem.
-
-    Args:
-      time: (n,) [s] of the grid.
-      orders: integrators in a chain; the last one is driven by white noise.
-      axes: chains beside each other; column `order * axes + axis` is one state.
-      noise: of the last one, per square root of a second.
-      biases: constants beside the states.
-    """
+    """The most probable path of a linear system of integrators, as rows of a sparse least-squares problem."""
 
     def __init__(self, time: FloatArray, *, orders: int, axes: int, noise: float, biases: int) -> None:
         self._time, self._states = time, orders * axes

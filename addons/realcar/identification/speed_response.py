@@ -110,10 +110,7 @@ def _robust(rows: FloatArray) -> tuple[FloatArray, FloatArray, int, float]:
 
 
 def _windows(problem: DriveProblem, parameters: FloatArray, *, coasts: bool = False) -> FloatArray:
-    """Return the integrals of u, v, 1 and c over windows, and the change of v, for each delay (delays, n, 5).
-
-    `coasts`: negative commands are none.
-    """
+    """Return the integrals of u, v, 1 and c over windows, and the change of v, for each delay (delays, n, 5)."""
     motion, car = problem.motion, problem.drive.car
     assert problem.drive.speed_command is not None
     speed, turn = motion.forward_speed, motion.yaw_rate

@@ -92,10 +92,7 @@ def _formula(axle: Axle, source: str) -> list[str]:
 
 
 def _behind(axle: Axle) -> list[str]:
-    """Return the line that keeps the force of a peak behind it, where the drives say nothing of its fall.
-
-    A fall that is made up spins a car at its limit.
-    """
+    """Return the line that keeps the force of a peak behind it, where the drives say nothing of its fall."""
     if axle.reached > _SEEN_BEHIND * axle.peak_slip:
         return []
     return ["sliding_share = 1.0  # [-] no fall behind the peak: the drives reach less than twice its slip angle"]

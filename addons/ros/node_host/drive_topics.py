@@ -172,12 +172,7 @@ class Driving:
         return (speed, angle), ""
 
     def _brake(self) -> tuple[float, float] | None:
-        """Return the command of an emergency brake, which overrides the drive topic; None: it is not on.
-
-        A Bool such as /brake_bool that no node listens to brakes from True to False, as in f1tenth_simulator, and holds
-        the steering angle. Without one an Ackermann message on /brake counts for 0.2 s, as in the multiplexer of
-        f1tenth_system.
-        """
+        """Return the command of an emergency brake, which overrides the drive topic; None: it is not on."""
         graph = self._graph
         switches = [each for each in graph.publications if each.is_brake_switch and not graph.listens(each.topic)]
         if switches:
@@ -214,10 +209,7 @@ class Driving:
         return found
 
     def _pair(self, pattern: re.Pattern[str]) -> list[Publication]:
-        """Return the publishers of two topics of numbers, by their names; none where one of them is missing.
-
-        Of several topics of a motor the one that was published on last counts.
-        """
+        """Return the publishers of two topics of numbers, by their names; none where one of them is missing."""
         found = self._of(
             lambda each: each.kind._type.startswith("std_msgs/Float") and bool(pattern.fullmatch(each.topic))
         )

@@ -323,12 +323,7 @@ class Imports:
         return name in ("msg", "srv", "action") and self._stub(part) is not None
 
     def _package(self, name: str, *, loose: bool = True) -> bool:
-        """Return whether there are messages of a package, and make its modules.
-
-        Args:
-          name: of the package.
-          loose: whether `.msg` files in the node's folder may be its: they do not say of which package they are.
-        """
+        """Return whether there are messages of a package, and make its modules."""
         if f"{name}.msg" in self._modules:
             return True
         if not self._definitions.names(name):

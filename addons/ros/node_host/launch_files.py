@@ -327,11 +327,7 @@ class LaunchFiles:
             return text
 
     def _text(self, value: Any) -> str:
-        """Return the text of a substitution, or of several behind each other.
-
-        Raises:
-          ControllerError: it is not understood.
-        """
+        """Return the text of a substitution, or of several behind each other."""
         if isinstance(value, (list, tuple)):
             return "".join(self._text(each) for each in value)
         self._refuse(value)

@@ -200,10 +200,7 @@ class RosPlanner:
             raise NodeError(f"{one_line(error)}{self._graph.place_of_error(error)}") from error
 
     def _goes_on_without(self, process: Process, error: Exception) -> bool:
-        """Return whether the other nodes drive on without one that has failed, as in ROS; a warning says so.
-
-        They do where it does not start, and in the race where neither the command nor another node needs it.
-        """
+        """Return whether the other nodes drive on without one that has failed, as in ROS; a warning says so."""
         graph, several = self._graph, self._graph.processes[: len(self._sessions)]
         needed = self._ticked and any(
             each.process is process and (each.commands or graph.listens(each.topic)) for each in graph.publications
@@ -217,10 +214,7 @@ class RosPlanner:
         return True
 
     def _check(self) -> None:
-        """Refuse nodes that cannot drive, and parameters that none of them has.
-
-        A node that has ended, or failed, may have more than it has asked for: those that its text names.
-        """
+        """Refuse nodes that cannot drive, and parameters that none of them has."""
         processes = self._graph.processes
         nodes = list(zip(self._sessions, self._program.nodes, processes, strict=False))
         self._ended += [process for process in processes if process.done]

@@ -179,11 +179,7 @@ class _Projection:
 
 
 def _image_kind(encoding: str) -> tuple[np.dtype[Any], int]:
-    """Return the type and number of the channels of an encoding, such as bgr8, mono16 or 32FC1.
-
-    Raises:
-      CvBridgeError: there is no such encoding.
-    """
+    """Return the type and number of the channels of an encoding, such as bgr8, mono16 or 32FC1."""
     found = re.fullmatch(r"(8|16|32|64)([USF])C(\d*)", encoding)
     if found:
         return np.dtype(f"{_FORMATS[found[2]]}{int(found[1]) // 8}"), int(found[3] or 1)

@@ -149,14 +149,7 @@ def own_folders(node: Path) -> list[Path]:
 
 
 def _of_import(statement: ast.AST, path: Path, folders: list[Path], others: list[Path]) -> Iterator[Path]:
-    """Return the files that an import statement of a node's executes.
-
-    Args:
-      statement: any of a file.
-      path: the file.
-      folders: the node's own.
-      others: those of the other packages of its workspace.
-    """
+    """Return the files that an import statement of a node's executes."""
     everywhere = [*folders, *others]
     if isinstance(statement, ast.Import):
         wanted = [(everywhere, each.name) for each in statement.names]

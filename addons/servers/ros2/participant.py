@@ -363,11 +363,7 @@ class Participant:
 
 
 def _joined(number: int, host: str, peers: Sequence[str]) -> Any:
-    """Return a domain on a network interface; None: this process has joined it already, with the settings of then.
-
-    Raises:
-      SettingsError: it cannot be joined.
-    """
+    """Return a domain on a network interface; None: this process has joined it already, with the settings of then."""
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain
     from cyclonedds.internal import DDS
@@ -402,11 +398,7 @@ def _joined(number: int, host: str, peers: Sequence[str]) -> Any:
 
 
 def _domain(number: int | None) -> int:
-    """Return the number of a domain, by default that of the environment.
-
-    Raises:
-      SettingsError: it is none.
-    """
+    """Return the number of a domain, by default that of the environment."""
     value: Any = os.environ.get("ROS_DOMAIN_ID", "") or 0 if number is None else number
     name = "ROS_DOMAIN_ID" if number is None else "domain"
     try:
@@ -419,11 +411,7 @@ def _domain(number: int | None) -> int:
 
 
 def _namespace(name: str) -> str:
-    """Return a namespace with a slash in front, and none at its end.
-
-    Raises:
-      SettingsError: it is none.
-    """
+    """Return a namespace with a slash in front, and none at its end."""
     parts = [part for part in name.split("/") if part]
     if not all(_NAME.fullmatch(part) for part in parts):
         raise SettingsError(f"namespace is {name!r}; accepted: names of letters, digits and _ such as /car_1")
@@ -431,11 +419,7 @@ def _namespace(name: str) -> str:
 
 
 def _addresses(host: str, peers: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the addresses of the network interface and of peers in numbers: one that is none ends Cyclone DDS.
-
-    Raises:
-      SettingsError: an address that is none, or a peer that this interface does not reach.
-    """
+    """Return the addresses of the network interface and of peers in numbers: one that is none ends Cyclone DDS."""
     found = []
     for name, text in (("host", host), *(("peer", peer) for peer in peers)):
         try:

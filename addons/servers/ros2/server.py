@@ -293,11 +293,7 @@ def _kinds(topic: str) -> tuple[str, ...]:
 
 
 def _taken(types: Mapping[str, str], published: Collection[str]) -> dict[str, str]:
-    """Return the type of each topic that is read.
-
-    Raises:
-      SettingsError: a type that is not known, or that commands no car, or a topic that is published here.
-    """
+    """Return the type of each topic that is read."""
     found = {topic: _kinds(topic)[0] for topic in (*TAKEN, *_SWITCHES) if topic != GOAL}
     for topic, name in types.items():
         if topic == GOAL or (topic in published and topic not in found):
