@@ -132,9 +132,7 @@ def walls_beside(line: FloatArray, outlines: Iterable[FloatArray]) -> Walls:
     """Return closed outlines (k, 2) [m] as walls of a closed line (n, 2) [m], each on the side where most of it lies.
 
     One that lies on both sides stands on the line, as islands do, and is passed on the other side.
-
-    Raises:
-      SettingsError: there is none.
+    Raises SettingsError: there is none.
     """
     ahead = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
     kinds: list[list[FloatArray]] = [[], [], [], []]
@@ -170,8 +168,7 @@ def optimize_line(
       margin: between the car and the walls [m].
       objective: `time`, or `curvature` for the least integral of the squared curvature.
 
-    Raises:
-      SettingsError: the solver does not converge.
+    Raises SettingsError: the solver does not converge.
     """
     line = _least_curvature(start, walls, car, margin, _ROUNDS if objective == "curvature" else _FEWER_ROUNDS)
     if objective == "time":
@@ -401,8 +398,7 @@ def raceline(map_line: MapLine, car: CarParameters, mu: float, max_speed: float,
       max_speed: [m/s].
       settings: PurePursuitSettings of the car.
 
-    Raises:
-      SettingsError: a line that is open, without walls or friction limits; a solver that does not converge.
+    Raises SettingsError: a line that is open, without walls or friction limits; a solver that does not converge.
     """
     if not (map_line.closed and map_line.walls and math.isfinite(mu)):
         raise SettingsError("line is 'raceline'; accepted: on a circuit whose walls are known, with friction limits")

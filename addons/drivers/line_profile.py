@@ -88,8 +88,7 @@ def line_table(
       cornering_use: share of the limiter's cornering acceleration.
       braking_use: share of its braking and accelerating.
 
-    Raises:
-      SettingsError: a line without length.
+    Raises SettingsError: a line without length.
     """
     if closed:
         points, speeds = np.vstack((points, points[:1])), np.append(speeds, speeds[0])

@@ -36,8 +36,7 @@ def between_boundaries(
     Returns:
       The line (k, 2), how far it is to the right and to the left boundary, (k,) each [m], and these, in its direction.
 
-    Raises:
-      TrackError: a boundary that is not closed, or boundaries that cross or are not to either side of a line.
+    Raises TrackError: a boundary that is not closed, or boundaries that cross or are not to either side of a line.
     """
     walls, sides = [], []
     for name, points in (("first", first), ("second", second)):

@@ -69,8 +69,7 @@ class FileCar:
 def load_car(source: Path) -> Vehicle:
     """Return the vehicle of a file or a folder that tells of a car, and say in a `Note` what was not given.
 
-    Raises:
-      SettingsError: what `car_of` refuses.
+    Raises SettingsError: what `car_of` refuses.
     """
     car = car_of([source])
     taken = ", ".join(line.partition(":")[0] for line in car.words if ": not given" in line)
@@ -83,8 +82,7 @@ def load_car(source: Path) -> Vehicle:
 def car_of(sources: Sequence[Path]) -> FileCar:
     """Return the car of files and folders, of which the first that tells a value has it.
 
-    Raises:
-      SettingsError: what `read_car` refuses, or a car that cannot be built.
+    Raises SettingsError: what `read_car` refuses, or a car that cannot be built.
     """
     for source in sources:
         if not is_car(source):
@@ -235,8 +233,7 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
 def _heed_loads(told: Mapping[str, float], axles: Mapping[str, dict[str, Any]]) -> Iterator[str]:
     """Give tires TUM's friction at the car's load, D (1 + eps F_z / f_z0), and how it falls there, in place; in words.
 
-    Raises:
-      SettingsError: a friction that grows with the load, or falls by more than 30 %.
+    Raises SettingsError: a friction that grows with the load, or falls by more than 30 %.
     """
     for axle, curve in axles.items():
         eps, nominal = told.get(f"eps{axle[0]}", 0.0), told.get("f_z0", math.nan)

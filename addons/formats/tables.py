@@ -41,8 +41,7 @@ def line_table(path: Path, *, course: bool, line: str | None) -> Table:
       course: of several lines, whether the centreline is wanted, or one to drive.
       line: part of the name of the wanted one; None: as `course` says.
 
-    Raises:
-      TrackError: a file that cannot be read or has no line, several of which none is chosen, or none of the name.
+    Raises TrackError: a file that cannot be read or has no line, several of which none is chosen, or none of the name.
     """
     suffix = path.suffix.lower()
     if suffix != ".json" and line is not None:

@@ -22,8 +22,7 @@ _MOST = 1e6  # kg, m, kg m^2 or rad
 def urdf_values(path: Path, text: str) -> Iterator[tuple[str, float]]:
     """Yield the names of f1tenth_gym and the values that a URDF tells.
 
-    Raises:
-      SettingsError: no URDF, one that is not expanded, or one without masses.
+    Raises SettingsError: no URDF, one that is not expanded, or one without masses.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text or "xacro:" in text:
         made = f"xacro {path.name} > car.urdf"

@@ -213,11 +213,7 @@ class View:
 
 
 def require_mode(mode: str) -> str:
-    """Return a mode of rendering.
-
-    Raises:
-      SettingsError: there is none of the name.
-    """
+    """Return a mode of rendering; SettingsError: there is none of the name."""
     if mode not in MODES:
         raise SettingsError(f"render mode {mode!r}; {accepted_names(mode, MODES)}")
     return mode

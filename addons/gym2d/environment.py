@@ -134,8 +134,7 @@ class RaceEnvironment(Remade):
           params: as of the environment.
           index: of the car that has them; -1: all have.
 
-        Raises:
-          SettingsError: no such car, or parameters that are no numbers.
+        Raises SettingsError: no such car, or parameters that are no numbers.
         """
         self._close_view()
         self.sim.update_params(params, index)
@@ -256,8 +255,7 @@ def simulator_of(
 ) -> Simulator:
     """Return the Simulator of an environment; vehicle and tires that are None are those of the environment variables.
 
-    Raises:
-      SettingsError: as of Simulator; a setup that says more than which car drives, or besides vehicle and tires.
+    Raises SettingsError: as of Simulator; a setup that says more than which car drives, or besides vehicle and tires.
     """
     if setup is not None:
         setup.require_usable("an environment of f1tenth_gym", "vehicle", "tires", alone=True)

@@ -199,11 +199,7 @@ class Settings:
 
 
 class LiDARConfig(Settings):
-    """The LiDAR of each car.
-
-    Raises:
-      SettingsError: a field of view beside an angle, or angles to one side.
-    """
+    """The LiDAR of each car; SettingsError: a field of view beside an angle, or angles to one side."""
 
     defaults = {  # noqa: RUF012
         "num_beams": BEAMS, "angle_min": -_EDGE, "angle_max": _EDGE, "noise_std": SCAN_NOISE,
@@ -247,8 +243,7 @@ class LiDARConfig(Settings):
     def ahead(self) -> float | None:
         """Of the rear axle [m]; None: where the vehicle has its LiDAR.
 
-        Raises:
-          SettingsError: one that is turned, or to a side.
+        Raises SettingsError: one that is turned, or to a side.
         """
         x, *others = vars(self)["base_link_to_lidar_tf"]
         if any(others):
@@ -302,11 +297,7 @@ class RenderConfig(Settings):
 
 
 class TerminationConfig(Settings):
-    """Ends of an episode: after so many steps, by a collision, and of which car.
-
-    Raises:
-      SettingsError: another value.
-    """
+    """Ends of an episode: after so many steps, by a collision, and of which car; SettingsError: another value."""
 
     defaults = {  # noqa: RUF012
         "max_episode_steps": None, "terminate_on_collision": True, "agent_mode": AgentTerminationMode.EGO,
@@ -324,8 +315,7 @@ class TerminationConfig(Settings):
 class RewardConfig(Settings):
     """Reward of a step: its duration; a weighted sum of metres, speed and duration, less collisions; or a function.
 
-    Raises:
-      SettingsError: another mode, a weight that is no number, or no function where one is needed.
+    Raises SettingsError: another mode, a weight that is no number, or no function where one is needed.
     """
 
     defaults = {  # noqa: RUF012
@@ -357,11 +347,7 @@ class ContactConfig(Settings):
 
 
 class EnvConfig(Settings):
-    """All settings of an environment.
-
-    Raises:
-      SettingsError: cars that go through walls.
-    """
+    """All settings of an environment; SettingsError: cars that go through walls."""
 
     defaults = {  # noqa: RUF012
         "seed": 12345, "map_name": "Spielberg", "map_scale": 1.0, "params": F1TENTH_VEHICLE_PARAMETERS,
@@ -393,8 +379,7 @@ def plain_params(params: Any) -> Any:
 def plain_config(config: Any) -> dict[str, Any]:
     """Return the settings of a `config`, a dictionary or an EnvConfig, by the names of v1.0.
 
-    Raises:
-      SettingsError: neither of them.
+    Raises SettingsError: neither of them.
     """
     if config is None:
         return {}

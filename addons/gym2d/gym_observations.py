@@ -48,8 +48,7 @@ class Observation:
       type: its name; None: original.
       features: of each car, of the type `features`.
 
-    Raises:
-      SettingsError: another type, or another feature.
+    Raises SettingsError: another type, or another feature.
     """
 
     def __init__(self, env: Any, type: Any = None, features: Sequence[str] | None = None, **_: Any) -> None:

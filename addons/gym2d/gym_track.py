@@ -336,11 +336,7 @@ def _read_line(path: str | Path, *, course: bool) -> LineFile:
 
 
 def find_track_dir(track_name: str) -> Path:
-    """Return the folder of a named map.
-
-    Raises:
-      FileNotFoundError: there is none.
-    """
+    """Return the folder of a named map; FileNotFoundError: there is none."""
     file = find_file(track_name)
     if file is None:
         raise FileNotFoundError(f"no map {track_name!r}; accepted: one of the folder FG_MUJOCO_MAPS")

@@ -62,8 +62,7 @@ _NEAR_LINE, _BESIDE_LINE = 0.1, 2.0  # [m^2, m] f1tenth_gym: a car this near to 
 class ScanErrors:
     """What makes a scan other than what is there, in the order of the gym: noise and bias, limits, dropouts.
 
-    Raises:
-      SettingsError: a value out of its range.
+    Raises SettingsError: a value out of its range.
     """
 
     noise_std: float | None = None  # standard deviation of each range [m]; None: the gym's, SCAN_NOISE

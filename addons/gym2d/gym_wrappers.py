@@ -20,8 +20,7 @@ class SingleAgentWrapper(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.
     Args:
       env: an environment of v1.0 of one car, whose observations are by car, as `kinematic_state`.
 
-    Raises:
-      SettingsError: more cars, or observations that are not by car.
+    Raises SettingsError: more cars, or observations that are not by car.
     """
 
     def __init__(self, env: Any) -> None:
@@ -59,8 +58,7 @@ class ObservationDelayWrapper(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.u
       env: any.
       delay_steps: how old, from 0 steps on.
 
-    Raises:
-      SettingsError: another number.
+    Raises SettingsError: another number.
     """
 
     def __init__(self, env: Any, delay_steps: int = 1) -> None:

@@ -49,8 +49,7 @@ def install(
       vehicle: of all cars: a bundled name, or the path of a vehicle's MJCF file.
       tires: that they stand on: a bundled set, or the path of a TOML file.
 
-    Raises:
-      SettingsError: an unknown vehicle, or unknown tires.
+    Raises SettingsError: an unknown vehicle, or unknown tires.
     """
     if vehicle is not None:
         Vehicle.load(vehicle)
@@ -76,8 +75,7 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     ) -> importlib.machinery.ModuleSpec | None:
         """Return a module of here; None: of another library.
 
-        Raises:
-          ImportError: a module of f1tenth_gym that is not here.
+        Raises ImportError: a module of f1tenth_gym that is not here.
         """
         top = fullname.partition(".")[0]
         if top == "gym":
@@ -119,8 +117,7 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def value(self, module: str, name: str) -> Any:
         """Return a name of a module of here; a module in it is imported.
 
-        Raises:
-          AttributeError: it is not here.
+        Raises AttributeError: it is not here.
         """
         table = self._tables[module]
         if name in table:

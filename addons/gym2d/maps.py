@@ -64,8 +64,7 @@ def find_map(
       scale: by which the map is larger than its file says.
       car: that drives there.
 
-    Raises:
-      TrackError: no such map, or one that cannot be read.
+    Raises TrackError: no such map, or one that cannot be read.
     """
     if is_map(name) and not name.endswith((".yaml", ".yml")):  # with settings in brackets
         return _larger(load_track(name, car=car), scale), None
@@ -197,8 +196,7 @@ def _read(path: Path, image: Path | None, car: CarParameters) -> Course:
 def ground_among_walls(occupancy: OccupancyMap) -> Scene:
     """Return the free ground of a map with walls round it, the image's border among them; its line is short.
 
-    Raises:
-      TrackError: no free ground.
+    Raises TrackError: no free ground.
     """
     from scipy.ndimage import distance_transform_edt
 

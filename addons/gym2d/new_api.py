@@ -71,8 +71,7 @@ class CarAction:
       control_input: `speed` or `accl`, and `steering_angle` or `steering_speed`; of one, the other follows.
       params: with the limits.
 
-    Raises:
-      SettingsError: another name.
+    Raises SettingsError: another name.
     """
 
     def __init__(self, control_input: Any, params: Mapping[str, Any]) -> None:
@@ -119,8 +118,7 @@ class Actuation:
       settings: of gym_config.ACTUATION, by name.
       agents: how many cars.
 
-    Raises:
-      SettingsError: a value out of its range.
+    Raises SettingsError: a value out of its range.
     """
 
     def __init__(self, settings: Mapping[str, Any], agents: int) -> None:

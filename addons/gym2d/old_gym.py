@@ -130,8 +130,7 @@ class RecordEpisodeStatistics(Wrapper):
 def make(id: str, *, max_episode_steps: int | None = None, **settings: Any) -> Any:
     """Return an environment, bare but for its limit of steps; `settings` are its own.
 
-    Raises:
-      gymnasium.error.Error: nothing of this name is registered.
+    Raises gymnasium.error.Error: nothing of this name is registered.
     """
     for name in ("disable_env_checker", "autoreset", "apply_api_compatibility", "new_step_api"):
         settings.pop(name, None)

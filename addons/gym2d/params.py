@@ -73,8 +73,7 @@ def car_of(
       lidar_dist: where the LiDAR is ahead of the rear axle [m], of a car on linear tires ahead of the centre of
         gravity; None: where the vehicle has it, or there.
 
-    Raises:
-      SettingsError: a parameter that is no number, or a friction that no tire has.
+    Raises SettingsError: a parameter that is no number, or a friction that no tire has.
     """
     numbers = {name: number(f"params[{name!r}]", value) for name, value in (params or {}).items()}
     mu = numbers.pop("mu", None)
@@ -135,8 +134,7 @@ def all_params(params: Mapping[str, Any] | None, vehicle: Vehicle) -> dict[str, 
 def physics_timestep(timestep: float, vehicle: Vehicle) -> float:
     """Return the physics' timestep [s]: the vehicle's own where it divides a step of the gym, else the next lower.
 
-    Raises:
-      SettingsError: a step below 10 us, which no race would end with, or longer than a second.
+    Raises SettingsError: a step below 10 us, which no race would end with, or longer than a second.
     """
     if not 1e-5 <= timestep <= 1.0:
         raise SettingsError(f"timestep is {timestep!r} s; accepted: 1e-05 to 1 s")
@@ -146,11 +144,7 @@ def physics_timestep(timestep: float, vehicle: Vehicle) -> float:
 
 
 def number(name: str, value: Any, least: float = -math.inf, most: float = math.inf) -> float:
-    """Return a setting as a float.
-
-    Raises:
-      SettingsError: it is no finite number from `least` to `most`.
-    """
+    """Return a setting as a float; SettingsError: it is no finite number from `least` to `most`."""
     try:
         found = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
@@ -162,11 +156,7 @@ def number(name: str, value: Any, least: float = -math.inf, most: float = math.i
 
 
 def whole(name: str, value: Any, least: int, most: int = MOST_WHOLE) -> int:
-    """Return a setting as a whole number, of NumPy's, too.
-
-    Raises:
-      SettingsError: it is none from `least` to `most`.
-    """
+    """Return a setting as a whole number, of NumPy's, too; SettingsError: it is none from `least` to `most`."""
     try:
         found = value if isinstance(value, bool) else operator.index(value)
     except TypeError:
@@ -176,11 +166,7 @@ def whole(name: str, value: Any, least: int, most: int = MOST_WHOLE) -> int:
 
 
 def mapping(name: str, value: Any) -> dict[str, Any]:
-    """Return a setting of settings by name.
-
-    Raises:
-      SettingsError: it is none.
-    """
+    """Return a setting of settings by name; SettingsError: it is none."""
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise SettingsError(f"{name} is {shown(value)}; accepted: a dictionary of values by name")
     return dict(value)
@@ -209,8 +195,7 @@ def _stiff(tires: Tires, stiffnesses: Mapping[str, float]) -> Tires:
 def build_vehicle(vehicle: Vehicle, differ: tuple[tuple[str, float], ...], lidar_dist: float | None) -> Vehicle:
     """Return a vehicle with some parameters, of those of `own_params`, changed, and a place of the LiDAR [m].
 
-    Raises:
-      SettingsError, ModelError: parameters of no car that can be built from the vehicle.
+    Raises SettingsError, ModelError: parameters of no car that can be built from the vehicle.
     """
     if not differ and lidar_dist is None:
         return vehicle

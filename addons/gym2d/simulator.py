@@ -56,11 +56,7 @@ class Integrator(Enum):
 
     @staticmethod
     def from_string(integrator: str) -> Integrator:
-        """Return the integrator of a name, rk4 or euler.
-
-        Raises:
-          ValueError: another name.
-        """
+        """Return the integrator of a name, rk4 or euler; ValueError: another name."""
         named = {each.type: each for each in Integrator}
         if integrator not in named:
             raise SettingsError(f"integrator is {integrator!r}; {accepted_names(integrator, named)}")
@@ -79,11 +75,7 @@ class DynamicModel(Enum):
 
     @staticmethod
     def from_string(model: str) -> DynamicModel:
-        """Return the model of a name, as `st`.
-
-        Raises:
-          SettingsError: another name.
-        """
+        """Return the model of a name, as `st`; SettingsError: another name."""
         if str(model).lower() not in MODELS:
             raise SettingsError(f"model is {shown(model)}; {accepted_names(model, MODELS)}")
         return DynamicModel[str(model).upper()]
@@ -92,8 +84,7 @@ class DynamicModel(Enum):
     def of(model: Any) -> DynamicModel:
         """Return the model of a name, or of a member of this or of the gym's own enumeration.
 
-        Raises:
-          SettingsError: something else.
+        Raises SettingsError: something else.
         """
         return DynamicModel.from_string(getattr(model, "name", model))
 
@@ -124,8 +115,7 @@ class Simulator:
       driving: the Driving that they are in; None: there is no map yet.
       agent_params: parameters of each car; one dictionary for all, unless a car has its own.
 
-    Raises:
-      SettingsError: no such number of cars, no such ego, or parameters that are no numbers.
+    Raises SettingsError: no such number of cars, no such ego, or parameters that are no numbers.
     """
 
     def __init__(
@@ -232,8 +222,7 @@ class Simulator:
           map: its path, its name, or a Track.
           map_ext: of its image, as `.png`; None: the image that the YAML names. A number: by which the map is larger.
 
-        Raises:
-          SettingsError: a map or an extension of another kind.
+        Raises SettingsError: a map or an extension of another kind.
         """
         named = isinstance(map_ext, str) and (not map_ext or re.fullmatch(r"\.?\w{1,20}", map_ext))
         if not (map_ext is None or named or isinstance(map_ext, (int, float))):
@@ -255,8 +244,7 @@ class Simulator:
     def update_params(self, params: dict[str, Any], agent_idx: int = -1) -> None:
         """Take other parameters from the next reset on, of one car or, with -1, of all.
 
-        Raises:
-          SettingsError: no such car, or parameters that are no numbers.
+        Raises SettingsError: no such car, or parameters that are no numbers.
         """
         whole("index", agent_idx, -1, self.num_agents - 1)
         taken = all_params(mapping("params", params), self._vehicle)
@@ -288,10 +276,7 @@ class Simulator:
     def reset(self, poses: ArrayLike) -> None:
         """Place the cars at poses (num_agents, 3), x [m], y [m], heading [rad], of what Driving says.
 
-        Without a map they stand on open ground.
-
-        Raises:
-          SettingsError: another shape, or a number that is not finite.
+        Without a map they stand on open ground. Raises SettingsError: another shape, or a number that is not finite.
         """
         placed = checked(poses, self.num_agents, 3, "poses", "x, y, heading", most=FURTHEST)
         if self.course is None:
@@ -307,8 +292,7 @@ class Simulator:
     def step(self, control_inputs: ArrayLike) -> dict[str, Any]:
         """Hold steering angle [rad] and speed [m/s] of each car, (num_agents, 2), for a step; return what is observed.
 
-        Raises:
-          SettingsError: another shape, a number that is not finite, or no reset before.
+        Raises SettingsError: another shape, a number that is not finite, or no reset before.
         """
         commands = checked(control_inputs, self.num_agents, 2, "action", "steering angle, speed")
         driving = self.driving
@@ -519,8 +503,7 @@ class RaceCar:
           raw_steer: steering angle [rad].
           vel: speed [m/s].
 
-        Raises:
-          SettingsError: a car among others, which move at the same time.
+        Raises SettingsError: a car among others, which move at the same time.
         """
         if self._sim.num_agents != 1:
             raise SettingsError("update_pose of a car among others; accepted: step of their Simulator")
@@ -627,8 +610,7 @@ def checked(
 ) -> list[list[float]]:
     """Return the rows of an array (count, columns) of finite numbers of at most `most`.
 
-    Raises:
-      SettingsError: another shape, or a number that is not finite or greater.
+    Raises SettingsError: another shape, or a number that is not finite or greater.
     """
     shape = (count, columns)
     try:

@@ -95,8 +95,7 @@ def _vesc_definitions() -> dict[str, str]:
 def require_ros_extra() -> None:
     """Make sure that bags can be read and written.
 
-    Raises:
-      MissingExtraError: a part is not installed; the message has the command that installs it.
+    Raises MissingExtraError: a part is not installed; the message has the command that installs it.
     """
     if any(importlib.util.find_spec(name) is None for name in ("mcap", "rosbags", "scipy")):
         raise missing_extra("ROS bags need mcap, rosbags and SciPy", "ros")
@@ -107,9 +106,7 @@ def type_store(distribution: str = "") -> Any:
     """Return the types of a distribution of ROS 2; those of Humble, unless rosbags knows the one that is named.
 
     Those that are written here are the same in every later release.
-
-    Raises:
-      MissingExtraError: the extra `ros` is not installed.
+    Raises MissingExtraError: the extra `ros` is not installed.
     """
     require_ros_extra()
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore

@@ -39,8 +39,7 @@ class PlannedCommand:
 def planned(planner: Controller, deliveries: Iterable[Delivery]) -> Iterator[PlannedCommand]:
     """Reset a planner, and yield its command for each scan.
 
-    Raises:
-      ControllerError: it raises, or answers something else than a DriveCommand.
+    Raises ControllerError: it raises, or answers something else than a DriveCommand.
     """
     start(planner)
     for delivery in deliveries:
@@ -51,8 +50,7 @@ def planned(planner: Controller, deliveries: Iterable[Delivery]) -> Iterator[Pla
 def check_commands_file(path: Path) -> None:
     """Make sure that commands can be written to a file of this name.
 
-    Raises:
-      SettingsError: its suffix is not one of SUFFIXES.
+    Raises SettingsError: its suffix is not one of SUFFIXES.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise SettingsError(f"{path}: is no file of commands; accepted: one that ends in {' or '.join(SUFFIXES)}")

@@ -41,8 +41,7 @@ class Mount:
     def of(cls, rotation: FloatArray, frame: str) -> Mount:
         """Return the mount of a LiDAR whose axes in the car's frame are the columns of `rotation` (3, 3).
 
-        Raises:
-          BagError: it is tilted by more than 5 degrees.
+        Raises BagError: it is tilted by more than 5 degrees.
         """
         if abs(rotation[2, 2]) < _FLAT:
             tilt = math.degrees(math.acos(min(1.0, abs(float(rotation[2, 2])))))
@@ -54,8 +53,7 @@ class Mount:
 def mount_of(frames: FrameTree, sensor: str, stated: str = "") -> Mount:
     """Return the mount of the LiDAR of a frame on the car; level and straight ahead where there are no transforms.
 
-    Raises:
-      BagError: it is tilted by more than 5 degrees.
+    Raises BagError: it is tilted by more than 5 degrees.
     """
     base = frames.base_of(sensor, stated)
     worlds = {MAP_FRAME, "odom", "world", "earth"}
@@ -71,8 +69,7 @@ def to_scan(message: Any, mount: Mount | None = None, *, period: float = 0.025) 
       mount: of the LiDAR; level and straight ahead by default.
       period: from one scan to the next [s], where the message has none.
 
-    Raises:
-      BagError: angles or limits that no LiDAR has.
+    Raises BagError: angles or limits that no LiDAR has.
     """
     mount = mount or Mount()
     _check(message)

@@ -57,8 +57,7 @@ class Storage:
       times: when each message was recorded [ns].
       distribution: of ROS 2 that wrote the file, where the file says so.
 
-    Raises:
-      BagError: the file is unfinished or damaged. `read` raises it, too.
+    Raises BagError: the file is unfinished or damaged. `read` raises it, too.
     """
 
     MAGIC: ClassVar[bytes]
@@ -107,8 +106,7 @@ class Storage:
 def open_storage(path: Path, stack: ExitStack) -> Storage:
     """Return the messages of a file, whichever of the formats it has.
 
-    Raises:
-      BagError: it has none of them, or is unfinished or damaged.
+    Raises BagError: it has none of them, or is unfinished or damaged.
     """
     shown, begin = path, _first_bytes(path)
     if begin.startswith(_ZSTD):  # one file compressed as a whole, by rosbag2 or by hand

@@ -153,11 +153,7 @@ class BagWriter:
                 self._writer.finish()  # type: ignore[no-untyped-call]
 
     def write(self, topic: str, message: Any, time: int) -> None:
-        """Add a message, logged at `time` [ns].
-
-        Raises:
-          BagError: the file cannot be written.
-        """
+        """Add a message, logged at `time` [ns]; BagError: the file cannot be written."""
         count = self._counts[topic] = self._counts.get(topic, -1) + 1
         channel = self._channel(topic, message.__msgtype__)
         with self._blame():

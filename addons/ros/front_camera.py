@@ -38,8 +38,7 @@ class FrontCamera:
     def picture(self, surroundings: Surroundings) -> NDArray[np.uint8]:
         """Return the picture from where the car is. Shape (360, 640, 3).
 
-        Raises:
-          MissingExtraError: no OpenGL; the message has the command that installs it.
+        Raises MissingExtraError: no OpenGL; the message has the command that installs it.
         """
         from fg_mujoco.pictures.rendering import Renderer
         from fg_mujoco.pictures.rendering.cameras import View

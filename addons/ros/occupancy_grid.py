@@ -41,8 +41,7 @@ def grid_of(model: mujoco.MjModel, start: FloatArray, resolution: float = RESOLU
       start: (2,) [m] a place that is free.
       resolution: side of a cell [m]; doubled until there are no more than 25 million.
 
-    Raises:
-      ModelError: walls that are further apart than those of any course.
+    Raises ModelError: walls that are further apart than those of any course.
     """
     from scipy import ndimage  # heavy, and only a map needs it
 

@@ -24,8 +24,7 @@ def command_of(kind: str, message: Any, wheelbase: float) -> DriveCommand:
       message: its fields are attributes.
       wheelbase: of the car that is commanded [m].
 
-    Raises:
-      AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
+    Raises AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
     """
     if kind in (TWIST, TWIST_STAMPED):
         twist = message if kind == TWIST else message.twist
@@ -44,8 +43,7 @@ def _number(value: Any) -> float:
 def pose_of(message: Any) -> tuple[float, float, float]:
     """Return position [m] and heading [rad] of a geometry_msgs/PoseWithCovarianceStamped.
 
-    Raises:
-      AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
+    Raises AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
     """
     pose = message.pose.pose
     found = float(pose.position.x), float(pose.position.y), heading_of(pose.orientation)

@@ -247,8 +247,7 @@ class FoxgloveServer:
     def set_parameter(self, name: str, value: Any) -> None:
         """Set a parameter; one that changes the car or its planner does so at the next tick.
 
-        Raises:
-          SettingsError: a name that there is not, or a value that it cannot have.
+        Raises SettingsError: a name that there is not, or a value that it cannot have.
         """
         known = self.parameters()
         if name not in known:
@@ -475,8 +474,7 @@ class _Listener:
 def require_foxglove() -> None:
     """Make sure that Foxglove can be served.
 
-    Raises:
-      MissingExtraError: foxglove-sdk, or a part of the extra `ros`, is not installed.
+    Raises MissingExtraError: foxglove-sdk, or a part of the extra `ros`, is not installed.
     """
     require_ros_extra()
     from importlib.util import find_spec

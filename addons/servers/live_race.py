@@ -165,8 +165,7 @@ class LiveRace:
     def take(self, topic: str, kind: str, message: Any) -> None:
         """Take a message on one of TAKEN, or a command on any other; it is held, and is a tick where each one is.
 
-        Raises:
-          MessageError: it cannot be done.
+        Raises MessageError: it cannot be done.
         """
         if topic == OPPONENT_DRIVE:
             if len(self.session.world.cars) < 2:
@@ -189,8 +188,7 @@ class LiveRace:
     def reset(self) -> None:
         """Begin the race again, and publish the moment at which the car stands there.
 
-        Raises:
-          MessageError: it cannot be done.
+        Raises MessageError: it cannot be done.
         """
         self.session.reset()
         self._place()

@@ -150,11 +150,7 @@ class Raceline:
         )
 
     def write(self, path: str | Path) -> Path:
-        """Write the file of the line and return its path.
-
-        Raises:
-          OSError: it cannot be written.
-        """
+        """Write the file of the line and return its path; OSError: it cannot be written."""
         along = np.concatenate(([0.0], np.cumsum(self.steps)))
         count = max(4, round(self.length / _ROW))
         places = np.linspace(0.0, self.length, count + 1)
@@ -249,8 +245,7 @@ def _from_start(points: FloatArray, course: Track) -> FloatArray:
 def walls_of(course: Track, obstacles: tuple[Obstacle, ...], car: CarParameters, margin: float) -> Walls:
     """Return the walls of a circuit, and its islands and obstacles, each on the side where the car does not pass it.
 
-    Raises:
-      TrackError: a place where car and margins do not fit between the walls, or past an obstacle.
+    Raises TrackError: a place where car and margins do not fit between the walls, or past an obstacle.
     """
     needed = car.width + 2.0 * margin
     too_narrow = partial(_too_narrow, course, needed, margin)

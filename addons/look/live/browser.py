@@ -52,8 +52,7 @@ _SPEED, _COMMAND, _LAP = "#2f7ed8", "#8a8f98", "#e07b00"
 def require_viser() -> None:
     """Make sure that a browser can be served.
 
-    Raises:
-      MissingExtraError: viser is not installed; the message has the command that installs it.
+    Raises MissingExtraError: viser is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("viser") is None:
         raise missing_extra("the live view in a browser needs viser", "live")
@@ -62,8 +61,7 @@ def require_viser() -> None:
 def check_port(host: str, port: int) -> None:
     """Refuse an address that cannot be listened on.
 
-    Raises:
-      SettingsError: it is in use, is no address of this machine, or needs rights.
+    Raises SettingsError: it is in use, is no address of this machine, or needs rights.
     """
     if not 1 <= port <= 65535:
         raise SettingsError(f"port is {port}; accepted: 1 to 65535")

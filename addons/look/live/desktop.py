@@ -17,11 +17,7 @@ _NO_DISPLAY = "no display here; accepted: --web, which serves the view to a brow
 
 
 def require_display() -> None:
-    """Make sure that a window can be opened.
-
-    Raises:
-      SettingsError: there is no display.
-    """
+    """Make sure that a window can be opened; SettingsError: there is no display."""
     if not can_open_window():
         raise SettingsError(_NO_DISPLAY)
 
@@ -33,9 +29,7 @@ def run_desktop(session: LiveSession) -> None:
     the tires and the one that the planner assumes.
 
     Keys: P pause, R reset, M planner or keys, and those of hand_driver.KEYS, or the arrows.
-
-    Raises:
-      SettingsError: there is no display, or it cannot be used.
+    Raises SettingsError: there is no display, or it cannot be used.
     """
     require_display()
     import mujoco.viewer

@@ -45,11 +45,7 @@ class HandDriver:
         self._last_turn = -math.inf
 
     def press(self, name: str, time: float) -> None:
-        """Press a key at a time [s].
-
-        Raises:
-          SettingsError: there is no such key.
-        """
+        """Press a key at a time [s]; SettingsError: there is no such key."""
         if name not in KEYS:
             raise SettingsError(f"key {name!r}; {accepted_names(name, KEYS)}")
         if name == "stop":

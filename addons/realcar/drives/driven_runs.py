@@ -26,8 +26,7 @@ def drive_of_run(run: Run, world: World | None = None, *, beams: bool = True) ->
       world: of `load_world(run)`; None: it is loaded.
       beams: keep the scans.
 
-    Raises:
-      RunFolderError: a damaged run folder.
+    Raises RunFolderError: a damaged run folder.
     """
     world = load_world(run) if world is None else world
     time = run.column("time_s")

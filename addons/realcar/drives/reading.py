@@ -58,11 +58,7 @@ def read_drive(
 
 
 def refuse_for_kind(path: Path, kind: str, columns: object, topics: Mapping[str, str | None]) -> None:
-    """Refuse columns with what is no CSV file, and topics with what is no bag.
-
-    Raises:
-      SettingsError: one is given.
-    """
+    """Refuse columns with what is no CSV file, and topics with what is no bag; SettingsError: one is given."""
     if columns is not None and kind != "csv":
         raise SettingsError(f"columns is given, and {path} is a {kind}; accepted: with CSV files")
     given = next((name for name, topic in topics.items() if topic is not None), None)
@@ -74,8 +70,7 @@ def refuse_for_kind(path: Path, kind: str, columns: object, topics: Mapping[str,
 def kind_of(path: Path) -> str:
     """Return what a path is: "csv", "bag" or "run". Whether there is such a file is seen when it is read.
 
-    Raises:
-      SettingsError: it is none of these.
+    Raises SettingsError: it is none of these.
     """
     if is_folder(path):
         if (path / SUMMARY).is_file():

@@ -26,8 +26,7 @@ _MOST = 12.0  # times LONGEST, of a drive in one piece: the memory of the smooth
 class Drive(Measured):
     """A drive as the car's own sensors recorded it. The frame is base_link's: rear axle, x forward, y left.
 
-    Raises:
-      SettingsError: on making it, a drive that is too short, or of a car that stands.
+    Raises SettingsError: on making it, a drive that is too short, or of a car that stands.
     """
 
     name: str  # of the run folder or bag
@@ -73,8 +72,7 @@ class Drive(Measured):
           car: whose constants are assumed.
           vehicle: its name.
 
-        Raises:
-          SettingsError: a drive that is too short, or stands, or has neither accelerations nor poses.
+        Raises SettingsError: a drive that is too short, or stands, or has neither accelerations nor poses.
         """
         pose, offset = recorded.pose, recorded.checks.turned_poses
         if pose is not None and offset != 0.0:

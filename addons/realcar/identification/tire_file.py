@@ -53,11 +53,7 @@ def tire_text(found: Identification) -> str:
 
 
 def check_tire_file(path: Path) -> None:
-    """Make sure that the name of a file is one of tires.
-
-    Raises:
-      SettingsError: another suffix.
-    """
+    """Make sure that the name of a file is one of tires; SettingsError: another suffix."""
     if path.suffix.lower() != ".toml":
         raise SettingsError(f"{path}: is no name for a file of tires; accepted: one that ends in .toml, or a folder's")
 
@@ -65,8 +61,7 @@ def check_tire_file(path: Path) -> None:
 def write_tires(found: Identification, path: str | Path) -> Path:
     """Write identified tires as a TOML file, and return its path; one that exists is replaced.
 
-    Raises:
-      SettingsError: another suffix, or a file that cannot be written.
+    Raises SettingsError: another suffix, or a file that cannot be written.
     """
     path = Path(path)
     check_tire_file(path)

@@ -45,8 +45,7 @@ def vehicle_text(found: Identification, vehicle: Vehicle, *, name: str, tires: s
       name: of the new model.
       tires: the file of its tires, in the same folder, or the name of a bundled set.
 
-    Raises:
-      ModelError: the vehicle's MJCF has its servos or wheels in another form than the bundled ones.
+    Raises ModelError: the vehicle's MJCF has its servos or wheels in another form than the bundled ones.
     """
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     root = ElementTree.fromstring(vehicle.text, parser=parser)
@@ -69,8 +68,7 @@ def vehicle_text(found: Identification, vehicle: Vehicle, *, name: str, tires: s
 def write_vehicle(found: Identification, vehicle: Vehicle, path: Path, *, tires: str) -> Path:
     """Write the MJCF of the identified car, and return its path; errors as of `vehicle_text`.
 
-    Raises:
-      SettingsError: a file that cannot be written.
+    Raises SettingsError: a file that cannot be written.
     """
     text = vehicle_text(found, vehicle, name=path.stem, tires=tires)
     try:

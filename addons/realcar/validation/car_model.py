@@ -51,8 +51,7 @@ class Task:
 class CarModel:
     """One of our cars on its tires.
 
-    Raises:
-      SettingsError, ModelError: on making it, a vehicle, tires or friction that there are not.
+    Raises SettingsError, ModelError: on making it, a vehicle, tires or friction that there are not.
     """
 
     vehicle: Vehicle

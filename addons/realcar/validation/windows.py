@@ -116,8 +116,7 @@ def motion_of(
       vehicle: its name.
       response: how it answers commands; None: it does what it is sent, at once.
 
-    Raises:
-      SettingsError: a drive without poses, or one that is too short, or stands.
+    Raises SettingsError: a drive without poses, or one that is too short, or stands.
     """
     if drive.pose is None:
         raise SettingsError(f"{drive.name}: has no poses; accepted: poses that were measured against the surroundings")

@@ -62,8 +62,7 @@ class Driving:
     def topics(self) -> list[Publication]:
         """Return one publisher of each topic that commands the car: one, or two where speed and angle have their own.
 
-        Raises:
-          NodeError: there are several drive topics, and it is not known which counts.
+        Raises NodeError: there are several drive topics, and it is not known which counts.
         """
         for kinds in ((_STAMPED, _PLAIN), (), (_DRIVE_PARAM,), (_TWIST, _TWIST_STAMPED)):
             if not kinds:
@@ -101,8 +100,7 @@ class Driving:
         Args:
           speed: of the car [m/s], from which a motor's current accelerates it.
 
-        Raises:
-          NodeError: the tenth such command in a row; several drive topics, see `topics`.
+        Raises NodeError: the tenth such command in a row; several drive topics, see `topics`.
         """
         topics = self.topics()
         self._tell_of_resets()

@@ -163,11 +163,7 @@ class Process:
             raise error
 
     def pause(self, wake: int | None, ready: Callable[[], bool]) -> None:
-        """Wait, in its own thread, for a simulated time [ns] or until it is ready.
-
-        Raises:
-          NodeEnded: the race is over.
-        """
+        """Wait, in its own thread, for a simulated time [ns] or until it is ready; NodeEnded: the race is over."""
         if self.graph.closed:
             raise NodeEnded
         self.wake, self.ready = wake, ready

@@ -494,11 +494,7 @@ def _has_python(folder: Path) -> bool:
 
 
 def read_node(path: Path, origin: str) -> bytes:
-    """Return the contents of a node's file.
-
-    Raises:
-      ControllerError: it cannot be read.
-    """
+    """Return the contents of a node's file; ControllerError: it cannot be read."""
     if not path.is_file():
         raise ControllerError(f"{origin}: there is no file {path}")
     try:

@@ -91,8 +91,7 @@ class LaunchFiles:
     def include(self, path: Path, depth: int = 0) -> None:
         """Execute a launch file, and take what it starts.
 
-        Raises:
-          ControllerError: it cannot be executed, or a node depends on what is not here.
+        Raises ControllerError: it cannot be executed, or a node depends on what is not here.
         """
         if depth > _DEEPEST:
             raise ControllerError(f"{self.said}: launch files include each other more than {_DEEPEST} deep ({path})")

@@ -88,8 +88,7 @@ SERVICE_PACKAGES = tuple({name.partition("/")[0] for name in _SERVICES})
 def require_rosbags() -> None:
     """Make sure that messages can be made.
 
-    Raises:
-      MissingExtraError: the extra `ros` is not installed; the message has the command that installs it.
+    Raises MissingExtraError: the extra `ros` is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("rosbags") is None:
         raise missing_extra("ROS nodes need rosbags, for the definitions of messages", "ros")
@@ -195,11 +194,7 @@ class Definitions:
         return sorted({kind.rpartition("/")[2] for kind in known if kind.startswith(f"{package}/msg/")})
 
     def kind(self, name: str) -> type[Message]:
-        """Return the class of `package/msg/Name`.
-
-        Raises:
-          KeyError: it is not known.
-        """
+        """Return the class of `package/msg/Name`; KeyError: it is not known."""
         if name in self._own_classes:
             return self._own_classes[name]
         if name not in self._own:
@@ -211,8 +206,7 @@ class Definitions:
     def add_files(self, package: str, folder: Path) -> None:
         """Read the `.msg` files of a folder as messages of a package.
 
-        Raises:
-          ControllerError: a file that cannot be read, or is no definition.
+        Raises ControllerError: a file that cannot be read, or is no definition.
         """
         from rosbags.typesys import get_types_from_msg
 
@@ -241,8 +235,7 @@ class Definitions:
           text: its definition; None: that of ROS's own, of which none are returned where there is none here.
           where: the definition stands, for messages.
 
-        Raises:
-          ControllerError: it is no definition.
+        Raises ControllerError: it is no definition.
         """
         from rosbags.typesys import get_types_from_msg
 

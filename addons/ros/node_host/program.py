@@ -80,8 +80,7 @@ class Program:
 def read_program(source: str) -> Program:
     """Return the program of `ros:node.py:ClassName`, `ros:node.py`, `ros:launch.yaml` or `ros:name.launch.py`.
 
-    Raises:
-      ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
+    Raises ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
     """
     said = f"controller {source!r}"
     rest = source.removeprefix(SCHEME)
@@ -114,8 +113,7 @@ def start_launch_file(program: Program, given: Mapping[str, Any], said: str, gra
       said: what names the file, for messages.
       graph: in whose thread it is executed.
 
-    Raises:
-      ControllerError: it fails, or starts a node whose text the hash does not cover.
+    Raises ControllerError: it fails, or starts a node whose text the hash does not cover.
     """
     found = launched(program.path, given, said, graph)
     for file in (*found.read, *(each.path.resolve() for each in found.nodes)):
@@ -153,11 +151,7 @@ def _with_modules(node: NodeFile) -> bytes:
 
 
 def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeFile:
-    """Return one node of a file.
-
-    Raises:
-      ControllerError: the file cannot be read, is no Python, or has no such class.
-    """
+    """Return one node of a file; ControllerError: the file cannot be read, is no Python, or has no such class."""
     text = read_node(path, said)
     try:
         tree = parse(text, path)
@@ -218,8 +212,7 @@ def _read_launch(path: Path, said: str) -> Program:
 def parameters_in(path: Path, node: str, said: str) -> dict[str, Any]:
     """Return the parameters of a node in a file, see `read_parameters`.
 
-    Raises:
-      ControllerError: it cannot be read, or is no file of parameters.
+    Raises ControllerError: it cannot be read, or is no file of parameters.
     """
     return read_parameters(path, read_node(path, said), node, said)
 
@@ -227,8 +220,7 @@ def parameters_in(path: Path, node: str, said: str) -> dict[str, Any]:
 def read_arguments(given: Any, said: str) -> tuple[str, ...]:
     """Return the arguments of a node, which are given as a shell takes them, or as a list.
 
-    Raises:
-      ControllerError: they are neither.
+    Raises ControllerError: they are neither.
     """
     if given is None:
         return ()

@@ -100,11 +100,7 @@ class LifecycleNodeMixin:
         return self._fg_go("shutdown", self._fg_state, State.finalized)
 
     def fg_begin(self) -> None:
-        """Configure and activate the node, where nobody has.
-
-        Raises:
-          NodeError: it does not succeed.
-        """
+        """Configure and activate the node, where nobody has; NodeError: it does not succeed."""
         for name, state in (("configure", State.unconfigured), ("activate", State.inactive)):
             if self._fg_state is state and getattr(self, f"trigger_{name}")() != TransitionCallbackReturn.SUCCESS:
                 raise NodeError(f"lifecycle node {self._fg.name!r} does not {name}: on_{name} has not returned SUCCESS")

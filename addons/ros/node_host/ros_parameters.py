@@ -50,8 +50,7 @@ def rcl_value(text: str) -> Any:
 def rcl_yaml(text: str | bytes, file: str = "") -> Any:
     """Return the values of a YAML text as rcl reads them; keys are texts, of which those of a file may be there twice.
 
-    Raises:
-      Exception: YAML's own; a value that is missing; a list of several types.
+    Raises Exception: YAML's own; a value that is missing; a list of several types.
     """
     class Loader(plain_loader(file)):  # type: ignore[misc]
         yaml_implicit_resolvers: dict[Any, Any] = {}  # noqa: RUF012
@@ -89,8 +88,7 @@ def read_parameters(path: Path, text: bytes, node: str, said: str) -> dict[str, 
       node: name of the node behind its namespace; the entries of other nodes are left out; empty: of all.
       said: what wants them, for messages.
 
-    Raises:
-      ControllerError: it cannot be read, or has no such entry.
+    Raises ControllerError: it cannot be read, or has no such entry.
     """
     if importlib.util.find_spec("yaml") is None:
         raise missing_extra(f"{path} needs PyYAML", "ros")
@@ -160,8 +158,7 @@ def read_ros_arguments(arguments: Sequence[str], node: str | None, said: str) ->
       node: its name, for rules of the form `node:name:=value`; None: any.
       said: what has them, for messages.
 
-    Raises:
-      ControllerError: an option of ROS without its value, or a rule of another form.
+    Raises ControllerError: an option of ROS without its value, or a rule of another form.
     """
     plain: list[str] = []
     parameters: dict[str, Any] = {}

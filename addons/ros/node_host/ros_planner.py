@@ -67,8 +67,7 @@ class RosPlanner:
         parameters, `host.args` the arguments of a node, `host.beams` how many beams a scan has, `launch.NAME` an
         argument of a launch file of ROS 2, `host.wall_limit` the wall time that a node may take [s].
 
-    Raises:
-      ControllerError: a parameter that no node has, or a node that cannot drive.
+    Raises ControllerError: a parameter that no node has, or a node that cannot drive.
     """
 
     any_settings = True
@@ -323,8 +322,7 @@ def _said(graph: Graph, program: Program) -> str:
 def find_node(source: str) -> type[RosPlanner]:
     """Return the class of planners of a program; nothing of it is executed.
 
-    Raises:
-      ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
+    Raises ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
     """
     program = read_program(source)
     place = str(program.path)

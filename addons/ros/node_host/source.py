@@ -55,11 +55,7 @@ _ONE_AT_A_TIME = threading.Lock()  # Python 3.11 counts the depth of a tree for 
 
 
 def read_source(path: Path, text: bytes, node: Path) -> Source:
-    """Return the code of a file that belongs to a node.
-
-    Raises:
-      SyntaxError, ValueError: it is no Python.
-    """
+    """Return the code of a file that belongs to a node; SyntaxError, ValueError: it is no Python."""
     notes: list[str] = []
     with _ONE_AT_A_TIME:
         tree = parse(text, path)
@@ -72,11 +68,7 @@ def read_source(path: Path, text: bytes, node: Path) -> Source:
 
 
 def parse(text: bytes, path: Path) -> ast.Module:
-    """Return the tree of a file.
-
-    Raises:
-      SyntaxError, ValueError: it is no Python, or is nested too deeply.
-    """
+    """Return the tree of a file; SyntaxError, ValueError: it is no Python, or is nested too deeply."""
     try:
         return _despite_depth(lambda: ast.parse(text, str(path)))
     except (MemoryError, RecursionError) as error:

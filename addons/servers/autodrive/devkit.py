@@ -228,8 +228,7 @@ class DevKit:
 def split_address(address: str) -> tuple[str, int]:
     """Return host and port of a text such as "127.0.0.1:4567"; without a port, PORT.
 
-    Raises:
-      SettingsError: it is no such text.
+    Raises SettingsError: it is no such text.
     """
     host, colon, port = address.rpartition(":")
     if not colon:

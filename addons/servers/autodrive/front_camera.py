@@ -41,11 +41,7 @@ class FrontCamera:
 
 
 def jpeg(pixels: NDArray[np.uint8]) -> str:
-    """Return a picture (height, width, 3) as a JPEG in base64.
-
-    Raises:
-      MissingExtraError: pillow is not installed.
-    """
+    """Return a picture (height, width, 3) as a JPEG in base64; MissingExtraError: pillow is not installed."""
     try:
         from PIL import Image
     except ImportError as error:

@@ -105,8 +105,7 @@ def packet(
 def read_answer(data: Any, vehicle: int = 1) -> Answer:
     """Return what a DevKit has answered; a command beyond -1 to 1 is clipped, as the simulator does.
 
-    Raises:
-      MessageError: it is no dictionary, lacks a command, or has one that is no number.
+    Raises MessageError: it is no dictionary, lacks a command, or has one that is no number.
     """
     if not isinstance(data, Mapping):
         raise MessageError(f"the DevKit has answered {shown(data)}; accepted: a dictionary of commands")

@@ -55,11 +55,7 @@ class Client:
         threading.Thread(target=self._listen, name="devkit", daemon=True).start()
 
     def send(self, data: Any) -> None:
-        """Send an event.
-
-        Raises:
-          EngineError: the connection is closed.
-        """
+        """Send an event; EngineError: the connection is closed."""
         self._write(_MESSAGE + _EVENT + json.dumps([self._event, data], separators=(",", ":")))
 
     def receive(self, timeout: float) -> list[Any]:

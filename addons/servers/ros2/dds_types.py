@@ -32,8 +32,7 @@ def known_kind(name: str, accepted: Sequence[str]) -> str:
       name: of the type.
       accepted: types, for the message.
 
-    Raises:
-      SettingsError: a type that is not known.
+    Raises SettingsError: a type that is not known.
     """
     known = type_store().fielddefs
     kind = full_name(name) if name.count("/") in (1, 2) else name

@@ -54,8 +54,7 @@ _NS = 1_000_000_000
 def require_cyclonedds() -> None:
     """Make sure that there is a middleware.
 
-    Raises:
-      MissingExtraError: the extra `ros2` is not installed; the message has the command that installs it.
+    Raises MissingExtraError: the extra `ros2` is not installed; the message has the command that installs it.
     """
     if any(importlib.util.find_spec(name) is None for name in ("cyclonedds", "mcap", "rosbags", "scipy")):
         raise missing_extra("a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy", "ros2")

@@ -273,11 +273,7 @@ class Ros2Server:
 
 
 def types_in(texts: Sequence[str]) -> dict[str, str]:
-    """Return types by topic, of texts TOPIC=TYPE.
-
-    Raises:
-      SettingsError: a text that is not of this form.
-    """
+    """Return types by topic, of texts TOPIC=TYPE; SettingsError: a text that is not of this form."""
     found = {}
     for text in texts:
         topic, equals, kind = text.partition("=")
