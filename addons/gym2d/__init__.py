@@ -42,11 +42,7 @@ __all__ = ["F110Env", "install", "make"]
 
 
 def make(name: str = "f110_gym:f110-v0", **settings: Any) -> Any:
-    """Return an environment, as gym.make does: of v0.2 by the name `f110-v0`, of v1.0 by `f1tenth-v0` or a `config`.
-
-    `settings` are those of its F110Env; that of v0.2 has one car on the oval where nothing else is said.
-    Raises SettingsError: another environment's name.
-    """
+    """Return an environment of `f110-v0`, or by `f1tenth-v0` or a `config` of v1.0; SettingsError: another name."""
     id = name.rpartition(":")[2]
     if id == "f1tenth-v0":
         return _new(**settings)

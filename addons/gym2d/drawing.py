@@ -150,14 +150,9 @@ class EnvRenderer(Nothing):
 
 
 class View:
-    """Shows an environment: in MuJoCo's viewer, or as pictures. Without a display it says so once and goes on.
+    """Shows an environment: in MuJoCo's viewer, or as pictures.
 
-    Args:
-      driving: to be shown.
-      warned: whether a warning already said that nothing can be shown.
-
-    Attributes:
-      warned: the same.
+    Without a display it says so once (`warned`) and goes on.
     """
 
     def __init__(self, driving: Driving, *, warned: bool = False) -> None:

@@ -36,17 +36,8 @@ VEHICLE, TIRES = "FG_MUJOCO_VEHICLE", "FG_MUJOCO_TIRES"
 class RaceEnvironment(Remade):
     """Cars on a map, driven by either interface of f1tenth_gym. A copy is a new one, to be reset.
 
-    Attributes:
-      sim: the Simulator.
-      params, map_name, map_path, map_ext, num_agents, timestep, ego_idx, seed, integrator, model: as asked for.
-      poses_x, poses_y, poses_theta: of the cars after the last step.
-      collisions, lap_counts, near_starts: of the cars, (num_agents,).
-      lap_times: of the cars (num_agents,) [s]: since the start, until the second lap is driven; with an EnvConfig, of
-        the lap that was driven last, and 0 before.
-      current_time: simulated since the reset [s].
-      start_xs, start_ys, start_thetas, start_rot: where they started.
-      render_obs: what is drawn.
-      renderer: the stub of the gym's window; None: nothing was drawn.
+    Attributes have the gym's names. `lap_times` (num_agents,) [s] run since the start, until the second lap is driven;
+    with an EnvConfig they are of the lap that was driven last, and 0 before.
     """
 
     renderer: Any = None
@@ -128,11 +119,7 @@ class RaceEnvironment(Remade):
         return dict(FULL_SCALE)
 
     def update_params(self, params: dict[str, Any], index: int = -1) -> None:
-        """Take other parameters, as `params`, from the next reset on.
-
-        Args:
-          params: as of the environment.
-          index: of the car that has them; -1: all have.
+        """Take other parameters from the next reset on, of car `index` or, with -1, of all.
 
         Raises SettingsError: no such car, or parameters that are no numbers.
         """

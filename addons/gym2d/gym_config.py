@@ -157,9 +157,8 @@ get_f1tenth_vehicle_parameters, get_f1fifth_vehicle_parameters, get_fullscale_ve
 class Settings:
     """Settings by name, each with a default.
 
-    Raises:
-      ArgumentError: a setting that is not here.
-      SettingsError: another value of a setting that can have its default only.
+    Raises ArgumentError for a setting that is not here, SettingsError for another value of one that has its default
+    only.
     """
 
     defaults: Mapping[str, Any] = {}
@@ -243,7 +242,7 @@ class LiDARConfig(Settings):
     def ahead(self) -> float | None:
         """Of the rear axle [m]; None: where the vehicle has its LiDAR.
 
-        Raises SettingsError: one that is turned, or to a side.
+        SettingsError: one that is turned, or to a side.
         """
         x, *others = vars(self)["base_link_to_lidar_tf"]
         if any(others):
@@ -377,10 +376,7 @@ def plain_params(params: Any) -> Any:
 
 
 def plain_config(config: Any) -> dict[str, Any]:
-    """Return the settings of a `config`, a dictionary or an EnvConfig, by the names of v1.0.
-
-    Raises SettingsError: neither of them.
-    """
+    """Return the settings of a `config`, a dictionary or an EnvConfig, by the names of v1.0; else SettingsError."""
     if config is None:
         return {}
     if isinstance(config, Mapping):

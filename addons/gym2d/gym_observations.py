@@ -41,15 +41,7 @@ TYPES = ("original", "features", *_STATES, "rl")
 
 
 class Observation:
-    """Observation of an environment's cars after a step.
-
-    Args:
-      env: the environment.
-      type: its name; None: original.
-      features: of each car, of the type `features`.
-
-    Raises SettingsError: another type, or another feature.
-    """
+    """Observation of an environment's cars after a step; SettingsError: another type, or another feature."""
 
     def __init__(self, env: Any, type: Any = None, features: Sequence[str] | None = None, **_: Any) -> None:
         self._env = env

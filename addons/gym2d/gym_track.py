@@ -35,13 +35,7 @@ _GUESS = 5.0  # [m] to either side of a guessed progress that is searched
 
 
 class CubicSpline2D:
-    """A closed cubic spline through points, by arc length.
-
-    Args:
-      x: of the points [m].
-      y: the same.
-      psis, ks, vxs, axs, ss: of the points, accepted as in the gym; the spline's own are worked out.
-    """
+    """A closed cubic spline through points [m], by arc length. All else is accepted as in the gym, and worked out."""
 
     def __init__(self, x: ArrayLike, y: ArrayLike, **_: Any) -> None:
         from scipy.interpolate import CubicSpline
@@ -104,17 +98,7 @@ class CubicSpline2D:
 
 
 class Raceline:
-    """A line with speeds.
-
-    Args, each (n,):
-      xs, ys: of the points [m].
-      velxs: speeds [m/s].
-      ss: arc lengths [m].
-      psis: headings [rad].
-      kappas: curvatures [1/m].
-      accxs: accelerations [m/s^2].
-      spline: through the points; None: it is worked out.
-    """
+    """A line with speeds: points [m], speeds [m/s], arc lengths [m], headings [rad], curvatures [1/m], each (n,)."""
 
     def __init__(
         self,
@@ -195,17 +179,7 @@ class TrackSpec:
 
 
 class Track:
-    """A map with its lines.
-
-    Args:
-      spec: of the map.
-      filepath: of its image, without the ending.
-      ext: the ending.
-      occupancy_map: 0 where something is, 255 where nothing is, the upper row first; None: read when asked for.
-      centerline: its centreline.
-      raceline: its raceline.
-      course: that is driven on; None: that of the file.
-    """
+    """A map with its lines; `occupancy_map` is 0 where something is, 255 where nothing is, the upper row first."""
 
     def __init__(
         self,

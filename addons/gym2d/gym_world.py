@@ -60,10 +60,7 @@ _NEAR_LINE, _BESIDE_LINE = 0.1, 2.0  # [m^2, m] f1tenth_gym: a car this near to 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanErrors:
-    """What makes a scan other than what is there, in the order of the gym: noise and bias, limits, dropouts.
-
-    Raises SettingsError: a value out of its range.
-    """
+    """What makes a scan other than what is there, in the order of the gym; SettingsError: a value out of its range."""
 
     noise_std: float | None = None  # standard deviation of each range [m]; None: the gym's, SCAN_NOISE
     range_bias_std: float = 0.0  # the same of a bias of each beam, which is drawn when the cars are placed [m]
@@ -94,27 +91,11 @@ class ScanErrors:
 
 
 class Driving:
-    """Some cars on a course, driven step by step.
+    """Some cars on a course, driven step by step, with the engine's `motions`, their `laps`, and noise in their scans.
 
-    Poses and velocities are those of the rear axles. Cars on linear tires resemble the gym's single-track model: theirs
-    are those of the centre of gravity, and the speed controller makes up for the tires' slip and drag.
-
-    Args:
-      course: that they drive on.
-      builds: the cars.
-      timestep: of a step [s].
-      physics: timestep of the physics, which divides it [s]; None: the vehicle's own.
-      seed: of the scans' noise.
-      beams: of each scan.
-      field_of_view: of each scan [rad].
-      errors: of the scans.
-
-    Attributes:
-      world: the World; its LiDARs have these beams.
-      engine: its Engine.
-      laps: of each car, since they were placed.
-      motions: of the cars now.
-      ahead: how far ahead of each car's rear axle the point is whose poses are meant [m].
+    Poses and velocities are those of the rear axles, or `ahead` [m] of them: cars on linear tires resemble the gym's
+    single-track model. Theirs are those of the centre of gravity, and the speed controller makes up for the tires' slip
+    and drag. `physics` [s] is the timestep of the physics, which divides `timestep` [s]; None: the vehicle's own.
     """
 
     def __init__(
@@ -247,10 +228,9 @@ class Driving:
         self.motions[agent] = self.motion(agent)
 
     def drive(self, commands: Any) -> NDArray[np.bool_]:
-        """Hold commands for a step, count the laps, and return which cars touch something or lie. Shape (cars,).
+        """Hold steering angles [rad] and speeds [m/s] (cars, 2) for a step.
 
-        Args:
-          commands: steering angle [rad] and speed [m/s] of each car, shape (cars, 2), held within its limits.
+        Raises return which cars touch something or lie (cars,).
         """
         engine = self.engine
         engine.commands[:] = [
@@ -303,19 +283,9 @@ class Driving:
 class LapCount:
     """Counts the laps of a car: by progress on a closed course, in the direction in which it was placed.
 
-    On a course without a loop they are counted as f1tenth_gym does: by how often the car comes back to its start.
-
-    Args:
-      track: the course.
-      x: where the car is placed [m].
-      y: the same [m].
-      heading: its own [rad].
-
-    Attributes:
-      completed: laps.
-      time: when the second was completed, and until then the present time [s].
-      last: how long the lap took that was completed last [s]; 0: none was.
-      at_start: whether the car is near the line that it started from, on a course without a loop.
+    On a course without a loop they are counted as f1tenth_gym does: by how often the car comes back to its start
+    (`at_start`). `time` [s] is when the second was completed, and until then the present time; `last` [s] is how long
+    the lap took that was completed last, 0 for none.
     """
 
     def __init__(self, track: Course, x: float, y: float, heading: float) -> None:

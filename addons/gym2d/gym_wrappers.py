@@ -17,10 +17,7 @@ from fg_mujoco.messages import require_whole
 class SingleAgentWrapper(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
     """An environment of one car without the level of the car: its observation, and an action (2,), steering first.
 
-    Args:
-      env: an environment of v1.0 of one car, whose observations are by car, as `kinematic_state`.
-
-    Raises SettingsError: more cars, or observations that are not by car.
+    Raises SettingsError: more cars, or observations that are not by car, as `kinematic_state` is.
     """
 
     def __init__(self, env: Any) -> None:
@@ -50,15 +47,9 @@ class SingleAgentWrapper(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.
 
 
 class ObservationDelayWrapper(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
-    """An environment whose observations are some steps old; before there is one that old, the one of the reset.
+    """An environment whose observations are some steps old, and the one of the reset before there is one.
 
-    Rewards, ends and info are those of now.
-
-    Args:
-      env: any.
-      delay_steps: how old, from 0 steps on.
-
-    Raises SettingsError: another number.
+    Rewards, ends and info are those of now. Raises SettingsError for no whole number from 0.
     """
 
     def __init__(self, env: Any, delay_steps: int = 1) -> None:

@@ -41,14 +41,9 @@ def install(
 ) -> None:
     """Let import statements of this process find the modules that scripts of f1tenth_gym ask for.
 
-    The arguments hold for environments without settings of their own, in this process and those that it starts. They
-    are kept in the environment variables FG_MUJOCO_MAPS, FG_MUJOCO_VEHICLE and FG_MUJOCO_TIRES.
-
-    Args:
-      maps: folder of the maps that are asked for by name.
-      vehicle: of all cars: a bundled name, or the path of a vehicle's MJCF file.
-      tires: that they stand on: a bundled set, or the path of a TOML file.
-
+    Folder of maps, vehicle (a bundled name or an MJCF file) and tires (a bundled set or a TOML file) hold for
+    environments without settings of their own, in this process and those that it starts, through the environment
+    variables FG_MUJOCO_MAPS, FG_MUJOCO_VEHICLE and FG_MUJOCO_TIRES.
     Raises SettingsError: an unknown vehicle, or unknown tires.
     """
     if vehicle is not None:
@@ -73,10 +68,7 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
-        """Return a module of here; None: of another library.
-
-        Raises ImportError: a module of f1tenth_gym that is not here.
-        """
+        """Return a module of here, None of another library; ImportError: one of f1tenth_gym that is not here."""
         top = fullname.partition(".")[0]
         if top == "gym":
             if really_installed(top) or names_of_gym(fullname) is None:
@@ -115,10 +107,7 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
             self._register()
 
     def value(self, module: str, name: str) -> Any:
-        """Return a name of a module of here; a module in it is imported.
-
-        Raises AttributeError: it is not here.
-        """
+        """Return a name of a module of here; a module in it is imported. AttributeError: it is not here."""
         table = self._tables[module]
         if name in table:
             found = table[name]

@@ -54,16 +54,10 @@ def find_map(
     scale: float = 1.0,
     car: CarParameters,
 ) -> tuple[Course, Path | None]:
-    """Return the course of a map, and its YAML; None: a course of this package.
+    """Return the course of a map, larger by `scale`, and its YAML; None: a course of this package.
 
-    Args:
-      name: path of a map_server YAML with or without `.yaml`, the name of a track in the folder, or what `load_track`
-        takes.
-      extension: of the map's image, as `.png`; None: the image that the YAML names.
-      folder: of named maps; None: that of the environment variable.
-      scale: by which the map is larger than its file says.
-      car: that drives there.
-
+    `name` is the path of a map_server YAML with or without `.yaml`, a track in the folder, or what `load_track` takes;
+    `extension` is of the map's image, as `.png`; None: the image that the YAML names.
     Raises TrackError: no such map, or one that cannot be read.
     """
     if is_map(name) and not name.endswith((".yaml", ".yml")):  # with settings in brackets
@@ -194,9 +188,9 @@ def _read(path: Path, image: Path | None, car: CarParameters) -> Course:
 
 
 def ground_among_walls(occupancy: OccupancyMap) -> Scene:
-    """Return the free ground of a map with walls round it, the image's border among them; its line is short.
+    """Return the free ground of a map with walls round it and its border; its line is short.
 
-    Raises TrackError: no free ground.
+    TrackError: no free ground.
     """
     from scipy.ndimage import distance_transform_edt
 

@@ -67,11 +67,8 @@ _CHANGE = {"params", "control_input", "map", "scale", "max_laps", "reset_config"
 class CarAction:
     """Meaning of actions: steering first, then speed or acceleration.
 
-    Args:
-      control_input: `speed` or `accl`, and `steering_angle` or `steering_speed`; of one, the other follows.
-      params: with the limits.
-
-    Raises SettingsError: another name.
+    `control_input` is `speed` or `accl`, and `steering_angle` or `steering_speed`; of one, the other follows.
+    SettingsError: another name.
     """
 
     def __init__(self, control_input: Any, params: Mapping[str, Any]) -> None:
@@ -236,11 +233,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         return VehicleParameters(**{each.name: self.params[each.name] for each in fields(VehicleParameters)})
 
     def configure(self, config: Any) -> None:
-        """Take other settings from the next reset on.
-
-        Raises:
-          SettingsError: one that a new environment can have only.
-        """
+        """Take other settings from the next reset on; SettingsError: one that a new environment can have only."""
         given, known = plain_config(config), self.config
         changed = {name for name, value in given.items() if name not in known or not _same(value, known[name])}
         if changed - _CHANGE:
@@ -346,10 +339,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         return float(gained + of.timestep_weight * self.timestep - of.collision_penalty * self.collisions[ego])
 
     def render(self, mode: str | None = None) -> Any:
-        """Show the world as `render_mode` says: in MuJoCo's viewer, or as a picture (480, 640, 3).
-
-        Without a display a warning says so once, and the script goes on.
-        """
+        """Show the world as `render_mode` says: in MuJoCo's viewer, or as a picture (480, 640, 3); see View."""
         mode = mode or self.render_mode
         return None if mode is None else self._draw(mode)
 

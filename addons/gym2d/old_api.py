@@ -102,13 +102,11 @@ class F110Env(RaceEnvironment, base_of_gym()):  # type: ignore[misc]
         self._note_call("update_map", map_path, map_ext)
 
     def reset(self, poses: ArrayLike | None = None, **_: Any) -> tuple[dict[str, Any], float, bool, dict[str, Any]]:
-        """Place the cars, let them stand for one step, and return what `step` returns.
+        """Place the cars at poses of the rear axles (num_agents, 3), x [m], y [m], heading [rad].
 
-        Args:
-          poses: of the rear axles, x [m], y [m], heading [rad], shape (num_agents, 3); None: at the course's start.
-
-        Raises:
-          SettingsError: another shape, or a number that is not finite.
+        Raises let them stand for a step.
+        Returns what `step` returns. None: at the course's start. Raises SettingsError: another shape, or a number that
+        is not finite.
         """
         self._place(self._grid() if poses is None else poses)
         return self.step(np.zeros((self.num_agents, 2)))
@@ -134,10 +132,7 @@ class F110Env(RaceEnvironment, base_of_gym()):  # type: ignore[misc]
     def render(self, mode: str = "human", **_: Any) -> Any:
         """Show the world: "human" or "human_fast" in MuJoCo's viewer, "rgb_array" as a picture (480, 640, 3).
 
-        Without a display a warning says so once, and the script goes on.
-
-        Raises:
-          SettingsError: another mode.
+        Raises see View.
         """
         return self._draw(mode)
 

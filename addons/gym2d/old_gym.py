@@ -128,7 +128,7 @@ class RecordEpisodeStatistics(Wrapper):
 
 
 def make(id: str, *, max_episode_steps: int | None = None, **settings: Any) -> Any:
-    """Return an environment, bare but for its limit of steps; `settings` are its own.
+    """Return an environment, bare but for its limit of steps.
 
     Raises gymnasium.error.Error: nothing of this name is registered.
     """

@@ -64,15 +64,9 @@ def car_of(
     tires: Tires | None = None,
     lidar_dist: float | None = None,
 ) -> WorldCar:
-    """Return the car of some parameters.
+    """Return the car of parameters by the gym's names; None, and those that are missing: as the vehicle has them.
 
-    Args:
-      params: by the gym's names; None, and those that are missing: as the vehicle has them.
-      vehicle: that is changed.
-      tires: that it stands on; None: the vehicle's.
-      lidar_dist: where the LiDAR is ahead of the rear axle [m], of a car on linear tires ahead of the centre of
-        gravity; None: where the vehicle has it, or there.
-
+    `lidar_dist` [m] is ahead of the rear axle, of a car on linear tires ahead of the centre of gravity.
     Raises SettingsError: a parameter that is no number, or a friction that no tire has.
     """
     numbers = {name: number(f"params[{name!r}]", value) for name, value in (params or {}).items()}

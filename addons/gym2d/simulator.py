@@ -82,39 +82,16 @@ class DynamicModel(Enum):
 
     @staticmethod
     def of(model: Any) -> DynamicModel:
-        """Return the model of a name, or of a member of this or of the gym's own enumeration.
-
-        Raises SettingsError: something else.
-        """
+        """Return the model of a name, or of a member of this or of the gym's own enumeration; else SettingsError."""
         return DynamicModel.from_string(getattr(model, "name", model))
 
 
 class Simulator:
-    """The cars of an environment on a map.
+    """The cars of an environment on a map, by the attributes and arguments of f1tenth_gym's.
 
-    Args:
-      params: of all cars, by the gym's names; None: those of the vehicle.
-      num_agents: how many cars, 1 to 8.
-      seed: of the scans' noise.
-      time_step: of a step [s].
-      ego_idx: the car that observations name.
-      integrator, model, action_type: kept as attributes; MuJoCo integrates, and the car is its model.
-      lidar_dist: of the LiDAR ahead of the rear axle [m]; None: where the vehicle has it.
-      num_beams: of a scan.
-      fov: of a scan [rad].
-      noise_std: standard deviation of each range [m]; None: the gym's.
-      errors: further settings of ScanErrors, by name.
-      vehicle: that the parameters change.
-      tires: that the cars stand on; None: the vehicle's.
-      maps: folder of named maps.
-
-    Attributes:
-      agents: RaceCar of each car.
-      agent_scans: the last scans, a list of (beams,).
-      collisions: whether each car has touched something in the last step, 0 or 1, (num_agents,).
-      driving: the Driving that they are in; None: there is no map yet.
-      agent_params: parameters of each car; one dictionary for all, unless a car has its own.
-
+    `integrator`, `model` and `action_type` are kept; MuJoCo integrates, and the car is its model. `lidar_dist` [m] is
+    ahead of the rear axle; None: where the vehicle has it. `noise_std` [m] is of each range, and `errors` has further
+    settings of ScanErrors. `driving` is the Driving that the cars are in; None: there is no map yet.
     Raises SettingsError: no such number of cars, no such ego, or parameters that are no numbers.
     """
 
@@ -216,13 +193,10 @@ class Simulator:
         return np.array([agent.state[2] for agent in self.agents])
 
     def set_map(self, map: Any, map_ext: str | float | None = None) -> None:
-        """Drive on another map from the next reset on.
+        """Drive on another map, a path, a name or a Track, from the next reset on.
 
-        Args:
-          map: its path, its name, or a Track.
-          map_ext: of its image, as `.png`; None: the image that the YAML names. A number: by which the map is larger.
-
-        Raises SettingsError: a map or an extension of another kind.
+        `map_ext` is of its image, as `.png`, None the image that the YAML names, and a number by which the map is
+        larger. Raises SettingsError: a map or an extension of another kind.
         """
         named = isinstance(map_ext, str) and (not map_ext or re.fullmatch(r"\.?\w{1,20}", map_ext))
         if not (map_ext is None or named or isinstance(map_ext, (int, float))):
@@ -242,10 +216,7 @@ class Simulator:
         self._build()
 
     def update_params(self, params: dict[str, Any], agent_idx: int = -1) -> None:
-        """Take other parameters from the next reset on, of one car or, with -1, of all.
-
-        Raises SettingsError: no such car, or parameters that are no numbers.
-        """
+        """Take other parameters from the next reset on, of one car or, with -1, of all; errors as RaceEnvironment's."""
         whole("index", agent_idx, -1, self.num_agents - 1)
         taken = all_params(mapping("params", params), self._vehicle)
         if agent_idx == -1:
@@ -365,19 +336,8 @@ class RaceCar:
     """One car of a Simulator, as planners read it. A car that a script makes has a Simulator of its own.
 
     In the gym all cars have the beams of the class. A ScanSimulator2D that a script puts into the class is heeded: the
-    next reset of a Simulator takes its number of beams and its field of view.
-
-    Args:
-      params: by the gym's names; None: those of the vehicle.
-      seed: of the scans' noise.
-      settings: as of Simulator, by name; `is_ego` is kept.
-
-    Attributes:
-      params: its parameters, by the gym's names.
-      scan_simulator: measures a scan from any pose of the map.
-      scan_angles, cosines: of the beams, (beams,).
-      side_distances: from the car's middle to its edge, along each beam, (beams,) [m].
-      num_beams, fov, time_step, seed, is_ego, integrator, model: as of the Simulator.
+    next reset of a Simulator takes its number of beams and its field of view. `side_distances` (beams,) [m] are from
+    the car's middle to its edge, along each beam.
     """
 
     scan_simulator: Any = None
@@ -497,11 +457,7 @@ class RaceCar:
         self.state = np.array([x, y, 0.0, 0.0, heading, 0.0, 0.0])
 
     def update_pose(self, raw_steer: float, vel: float) -> FloatArray:
-        """Drive a car of its own for a step, and return its scan.
-
-        Args:
-          raw_steer: steering angle [rad].
-          vel: speed [m/s].
+        """Drive a car of its own at a steering angle [rad] and a speed [m/s] for a step, and return its scan.
 
         Raises SettingsError: a car among others, which move at the same time.
         """
@@ -548,15 +504,8 @@ class StandardState(np.ndarray[Any, np.dtype[np.float64]]):
 class ScanSimulator2D:
     """Measures scans from any pose of a map: the LiDAR stands at the pose.
 
-    Args:
-      num_beams: of a scan.
-      fov: of a scan [rad].
-      eps, theta_dis, max_range: accepted as in the gym; the greatest range is the LiDAR's own.
-      seed: of the noise.
-      sim: whose map is measured; None: `set_map` says which.
-
-    Attributes:
-      of_cars: whether it is a Simulator's own, and not a script's.
+    `eps`, `theta_dis` and `max_range` are accepted as in the gym; the greatest range is the LiDAR's own. `of_cars` says
+    whether it is a Simulator's own.
     """
 
     def __init__(
@@ -608,10 +557,7 @@ class ScanSimulator2D:
 def checked(
     values: ArrayLike, count: int, columns: int, name: str, meaning: str, *, most: float = sys.float_info.max
 ) -> list[list[float]]:
-    """Return the rows of an array (count, columns) of finite numbers of at most `most`.
-
-    Raises SettingsError: another shape, or a number that is not finite or greater.
-    """
+    """Return the rows of an array (count, columns) of finite numbers of at most `most`; else SettingsError."""
     shape = (count, columns)
     try:
         array = np.asarray(values, dtype=np.float64)

@@ -29,12 +29,9 @@ _LEAST_OF_GAIN = 0.1  # [m/s] ours: the gym divides by |v_min|, which is 0 where
 
 
 class SpeedController:
-    """Turns commanded speeds of one car into set points of its motor.
+    """Turns commanded speeds of a car into set points of its motor.
 
-    Args:
-      car: that is driven.
-      over_ground: read the speed over the ground, and make up for the drag of the tires.
-      timestep: between two set points [s].
+    Raises `over_ground` makes up for the drag of the tires.
     """
 
     def __init__(self, car: CarParameters, *, over_ground: bool, timestep: float) -> None:

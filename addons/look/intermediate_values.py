@@ -83,10 +83,7 @@ class IntermediateValue:
     def sketch(self, scan: LaserScan, pose: FloatArray, lidar_offset: float) -> Sketch | None:
         """Return it as drawn in the map; None of a number, of no points, and where the pose is not known.
 
-        Args:
-          scan: of the decision.
-          pose: (3,) x [m], y [m] and heading [rad] of the rear axle on the map, in the decision.
-          lidar_offset: LiDAR ahead of the rear axle [m].
+        `pose` (3,) [m, m, rad] is of the rear axle on the map, in the decision.
         """
         points = moved(self.drawing(scan), self.frame, MAP, pose, lidar_offset)
         if not points.size or not (np.abs(points) <= FARTHEST).all():
@@ -97,14 +94,9 @@ class IntermediateValue:
 
 
 def moved(points: FloatArray, frame: str, to: str, pose: FloatArray, lidar_offset: float) -> FloatArray:
-    """Return points (..., 2) [m] of one of FRAMES in another one.
+    """Return points (..., 2) [m] of one of FRAMES in another one, by the rear axle's pose (3,) on the map [m, m, rad].
 
-    Args:
-      points: to be moved.
-      frame: that they are in.
-      to: frame that they are wanted in.
-      pose: (3,) x [m], y [m] and heading [rad] of the rear axle on the map; NaN is NaN between the map and the car.
-      lidar_offset: LiDAR ahead of the rear axle [m].
+    NaN is NaN between the map and the car; `lidar_offset` [m] is the LiDAR's ahead of the rear axle.
     """
     if frame == to:
         return points
@@ -117,12 +109,7 @@ def moved(points: FloatArray, frame: str, to: str, pose: FloatArray, lidar_offse
 
 
 class IntermediateValues:
-    """Collects what one planner shows, decision by decision.
-
-    Attributes:
-      now: values of the last decision, by name, in the order in which they were shown.
-      remarks: why values are left out, a text for each name.
-    """
+    """Collects what one planner shows: `now` by name, in order, and `remarks`, why values are left out."""
 
     def __init__(self) -> None:
         self.now: dict[str, IntermediateValue] = {}

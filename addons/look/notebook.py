@@ -197,13 +197,8 @@ def plan(
 ) -> Drawing:
     """Return a drawing of a course: walls, line, start with its direction, goal, obstacles, and a scale in metres.
 
-    Args:
-      course: what is drawn.
-      obstacles: that stand there; None: the course's own.
-      moving: obstacles that move; None: the course's own.
-      time: at which these are drawn [s].
-      line: whether the line of the course is drawn.
-      around: points (n, 2) that the drawing has room for, besides the course [m]; None: the course alone.
+    Obstacles that are None are the course's own; moving ones are drawn at `time` [s]. There is room for the points
+    `around` (n, 2) [m].
     """
     outlines = wall_outlines(course)
     points = np.concatenate((course.bounds, *outlines, *([] if around is None else [around])))
@@ -246,14 +241,9 @@ def driven_line(
 ) -> str:
     """Return the picture of a drive as SVG.
 
-    Args:
-      course: that was driven.
-      obstacles: that stood there.
-      line: where the car was at the start of each tick (ticks, 2) [m]; of a longer drive the last 8000 ticks are drawn.
-      speed: of the car then, (ticks,) [m/s].
-      time: at which moving obstacles are drawn [s].
-      marks: a text, and the place that it is written at [m].
-      title: for screen readers.
+    `line` (ticks, 2) [m] and `speed` (ticks,) [m/s] are of the start of each tick; of a longer drive the last 8000
+    ticks are drawn. Moving obstacles are drawn at `time` [s]. `marks` are texts, and the places that they are written
+    at [m].
     """
     drawing = plan(course, obstacles=obstacles, time=time, line=False, around=line)
     line, speed = line[-_MOST_TICKS:], speed[-_MOST_TICKS:]
@@ -272,14 +262,10 @@ def driven_line(
 def driven_lines(
     world: World, lines: Sequence[FloatArray], *, time: float, contacts: Iterable[tuple[float, float]], title: str
 ) -> str:
-    """Return the picture of a race of several cars as SVG, the line of each in its colour.
+    """Return the picture of a race of several cars as SVG, the line (ticks, 2) [m] of each in its colour.
 
-    Args:
-      world: that was driven in.
-      lines: where each car was at the start of each tick (ticks, 2) [m]; of longer ones the last 8000 ticks are drawn.
-      time: at which moving obstacles are drawn [s].
-      contacts: where two cars touched [m].
-      title: for screen readers.
+    Of longer ones the last 8000 ticks are drawn. `time` [s] is that of moving obstacles, `contacts` are where two cars
+    touched [m].
     """
     around = np.concatenate(lines)
     drawing = plan(world.track, obstacles=world.obstacles, moving=world.moving, time=time, line=False, around=around)
@@ -292,12 +278,7 @@ def driven_lines(
 
 
 class Drawing:
-    """A drawing to scale, as SVG. Positions are in metres, x to the right and y up.
-
-    Args:
-      low: least x and y that are shown.
-      high: greatest x and y that are shown.
-    """
+    """A drawing to scale, as SVG, from `low` to `high`. Positions are in metres, x to the right and y up."""
 
     def __init__(self, low: ArrayLike, high: ArrayLike) -> None:
         self._low, self._high = np.asarray(low, np.float64), np.asarray(high, np.float64)

@@ -72,10 +72,7 @@ Each tire: during this command; in colour if it slides.</p></div></div>
 
 
 def debug_page(seen: Window, path: Path) -> Path:
-    """Write the page and return its path. It appears whole, in the place of one that may be there.
-
-    Raises RunFolderError: it cannot be written.
-    """
+    """Write the page, whole, in the place of one that may be there, and return its path; or RunFolderError."""
     summary, first, last = seen.run.summary, seen.decisions[0], seen.decisions[-1]
     good = bool(summary["finished"]) and not summary["collisions"]
     told = [f"{prefix}{each}" for prefix, each in

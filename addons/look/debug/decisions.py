@@ -150,13 +150,8 @@ def limited_by_car(command: DriveCommand, car: CarParameters) -> Step | None:
 class Witness:
     """Calls the planner of a run along with it, and asks what it made of a scan.
 
-    Args:
-      planner: as new; None: there are scans and commands alone.
-      car: its parameters.
-
-    Attributes:
-      differing: in how many decisions the planner's answer is another than the recorded one.
-      remarks: what the planner's own methods raised, and which values cannot be shown.
+    `differing` counts the decisions in which the planner's answer is another than the recorded one; `remarks` are what
+    its own methods raised, and which values cannot be shown. Without a planner there are scans and commands alone.
     """
 
     planner: Controller | None

@@ -50,10 +50,7 @@ _SPEED, _COMMAND, _LAP = "#2f7ed8", "#8a8f98", "#e07b00"
 
 
 def require_viser() -> None:
-    """Make sure that a browser can be served.
-
-    Raises MissingExtraError: viser is not installed; the message has the command that installs it.
-    """
+    """Make sure that a browser can be served; MissingExtraError, with what installs viser."""
     if importlib.util.find_spec("viser") is None:
         raise missing_extra("the live view in a browser needs viser", "live")
 
@@ -78,21 +75,10 @@ def check_port(host: str, port: int) -> None:
 
 
 class LiveView:
-    """Serves a session to browsers.
+    """Serves a session to browsers, at `url`.
 
-    Args:
-      session: to be shown, and driven on.
-      host: address to listen on.
-      port: to listen on.
-
-    Attributes:
-      session: the same.
-      url: where it is to be seen.
-
-    Raises:
-      MissingExtraError: viser is not installed.
-      SettingsError: an address that cannot be listened on.
-      EngineError: a version of viser whose server cannot be guarded against pages of other sites.
+    Raises MissingExtraError: viser is not installed; SettingsError: an address that cannot be listened on; EngineError:
+    a version of viser whose server cannot be guarded against pages of other sites.
     """
 
     def __init__(self, session: LiveSession, *, host: str = HOST, port: int = PORT) -> None:
@@ -133,11 +119,7 @@ class LiveView:
             self._server.stop()
 
     def run(self, *, wait: bool = False) -> None:
-        """Drive on in real time, or at the rate that the knob says, until `close` or Ctrl-C.
-
-        Args:
-          wait: whether time stands still until the first browser has opened the page.
-        """
+        """Drive on in real time, or at the knob's rate, until `close` or Ctrl-C; `wait` for the first browser."""
         while wait and not self._met.wait(_SLOW_FRAME) and not self._stop.is_set():
             pass
         due = shown = texts = plots = time.perf_counter()

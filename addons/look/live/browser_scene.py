@@ -32,12 +32,7 @@ LEGEND = {
 
 
 class LiveScene:
-    """Shows a session in a scene of viser's.
-
-    Args:
-      scene: of a viser server, empty.
-      session: to be shown.
-    """
+    """Shows a session in an empty scene of viser's."""
 
     def __init__(self, scene: Any, session: LiveSession) -> None:
         self._scene, self._session = scene, session

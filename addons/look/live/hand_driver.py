@@ -25,15 +25,7 @@ _RETURN = 0.15  # [s] time constant of going back to straight on
 
 
 class HandDriver:
-    """Answers commands to keys.
-
-    Args:
-      car: whose limits hold.
-
-    Attributes:
-      speed: asked for [m/s].
-      steering: asked for [rad], left positive.
-    """
+    """Answers commands to keys: the `speed` [m/s] and `steering` [rad], left positive, within a car's limits."""
 
     def __init__(self, car: CarParameters) -> None:
         self._car = car

@@ -77,16 +77,9 @@ def make_clip(
     *,
     car: int = 0,
 ) -> Clip:
-    """Draw a clip of a run from one time to another [s].
+    """Draw a clip of a run from one time to another [s]; `car` is followed, and `watch` told how many frames are done.
 
     Where the extra `render` or OpenGL is missing, the Clip says what installs it, and has no video.
-
-    Args:
-      source: a run folder, a Run or a RaceResult.
-      start: [s].
-      end: [s].
-      watch: told how many frames are done, of how many, and the word "frame".
-      car: that the camera follows.
     """
     try:
         from fg_mujoco.pictures.rendering import Film, write_video

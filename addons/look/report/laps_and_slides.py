@@ -32,18 +32,11 @@ class Lap:
 
 
 def lap_length(time: FloatArray, progress: FloatArray, lap_times: tuple[float, ...]) -> float | None:
-    """Return the length of a lap as the lap timer had it [m]: the progress at the end of the first one.
+    """Return the length of a lap as the lap timer had it [m], the progress at the end of the first.
 
-    A race that ends with its only lap ends a moment after the last tick began: up to there the progress goes on as in
-    the tick before.
-
-    Args:
-      time: of the starts of the ticks (n,) [s].
-      progress: at these times (n,) [m].
-      lap_times: of the laps that were completed [s].
-
-    Returns:
-      None where no lap was completed, or there are less than two ticks.
+    Raises None: there is none.
+    `time` [s] and `progress` [m] are of the starts of the ticks (n,). A race that ends with its only lap ends a moment
+    after the last tick began: up to there the progress goes on as in the tick before.
     """
     if not lap_times or len(time) < 2:
         return None
@@ -53,13 +46,9 @@ def lap_length(time: FloatArray, progress: FloatArray, lap_times: tuple[float, .
 def lap_table(
     columns: dict[str, FloatArray], lap_times: tuple[float, ...], length: float | None, *, end: float | None
 ) -> tuple[Lap, ...]:
-    """Return the laps of a race, that which was not completed last.
+    """Return the laps of a race, the one that was not completed last, which ends at `end` [s].
 
-    Args:
-      columns: of `tick_columns`.
-      lap_times: of the laps that were completed [s].
-      length: of a lap [m]; None: there are no sectors.
-      end: of the lap that was not completed [s]; None: all were.
+    Raises without a length no sectors.
     """
     time, progress = columns["time_s"], columns["progress_m"]
     bounds = [0.0, *np.cumsum(lap_times).tolist()]
@@ -142,13 +131,9 @@ class SlideEvent:
 def slide_events(
     columns: dict[str, FloatArray], length: float | None, period: float = 0.025, model: str = CONTACT
 ) -> tuple[SlideEvent, ...]:
-    """Return all sliding of a race, in the order in which it began.
+    """Return all sliding of a race, in order.
 
-    Args:
-      columns: of `tick_columns`.
-      length: of a lap [m]; None: progress is counted from the start of the race.
-      period: of a tick [s].
-      model: of the tires.
+    Raises without a length of a lap, progress is counted from the start of the race.
     """
     time, progress, lap = columns["time_s"], columns["progress_m"], columns["lap"]
     events = []

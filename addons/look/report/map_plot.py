@@ -38,15 +38,8 @@ def map_plot(
 ) -> Figure:
     """Return the map. Its line is of one piece a tick, and `report.js` switches the field that colours it.
 
-    Args:
-      shapes: of the walls and obstacles.
-      columns: of `tick_columns`.
-      events: of sliding, marked where they began.
-      cursor: source of the dot at the cursor.
-      wrong_way: where the car turned, marked with a cross; None: it did not.
-      crash: where the car hit something or rolled over, marked with a cross; None: it did not.
-      others: number and line (k, 2) [m] of the other cars, each in its colour.
-      contacts: of cars, marked with crosses.
+    Marked are where sliding began, where the car turned the wrong way, hit something or rolled over, and contacts of
+    cars. `others` have number and line (k, 2) [m] of the other cars.
     """
     from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper
 

@@ -53,14 +53,7 @@ def cursor_source() -> ColumnDataSource:
 def time_plots(
     ticks: ColumnDataSource, columns: dict[str, FloatArray], lap_times: tuple[float, ...], model: str
 ) -> UIElement:
-    """Return the plots, one below the other, with one axis; `report.js` switches it from distance to time.
-
-    Args:
-      ticks: source of all columns.
-      columns: of `tick_columns`.
-      lap_times: of the laps that were completed [s]; their ends are marked.
-      model: of the tires.
-    """
+    """Return the plots, one below the other, with one axis; `report.js` switches it from distance to time."""
     from bokeh.models import Range1d
 
     end = float(columns["distance_m"][-1]) if len(columns["distance_m"]) else 1.0
@@ -129,14 +122,7 @@ def _line(
 
 
 def gg_plot(ticks: ColumnDataSource, columns: dict[str, FloatArray], grip: float, cursor: ColumnDataSource) -> Figure:
-    """Return the diagram.
-
-    Args:
-      ticks: source of all columns.
-      columns: of `tick_columns`.
-      grip: mu g [m/s^2].
-      cursor: source of the dot at the cursor.
-    """
+    """Return the diagram of the columns of `tick_columns`, with a circle at the grip, mu g [m/s^2]."""
     from bokeh.models import HoverTool
     from bokeh.transform import linear_cmap
 
