@@ -131,8 +131,7 @@ class Walls:
 def walls_beside(line: FloatArray, outlines: Iterable[FloatArray]) -> Walls:
     """Return closed outlines (k, 2) [m] as walls of a closed line (n, 2) [m], each on the side where most of it lies.
 
-    One that lies on both sides stands on the line, as islands do, and is passed on the other side.
-    Raises SettingsError: there is none.
+    One that lies on both sides stands on the line, as islands do, and is passed on the other side. Or SettingsError.
     """
     ahead = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
     kinds: list[list[FloatArray]] = [[], [], [], []]
@@ -158,17 +157,11 @@ class OptimizedLine:
 def optimize_line(
     start: FloatArray, walls: Walls, car: CarParameters, grip: Grip, *, margin: float, objective: Objective = "time"
 ) -> OptimizedLine:
-    """Return the fastest line near a closed line (n, 2) [m] that leads between the walls.
+    """Return the fastest line near a closed line (n, 2) [m] that leads between the walls, with a margin to them [m].
 
-    Args:
-      start: in driving order, the first point not repeated, between the walls; it may lead through obstacles.
-      walls: that it keeps clear of.
-      car: whose rectangle keeps clear.
-      grip: what it can do.
-      margin: between the car and the walls [m].
-      objective: `time`, or `curvature` for the least integral of the squared curvature.
-
-    Raises SettingsError: the solver does not converge.
+    `start` is in driving order, the first point not repeated, between the walls; it may lead through obstacles.
+    `objective` is `time`, or `curvature` for the least integral of the squared curvature. Raises SettingsError: the
+    solver does not converge.
     """
     line = _least_curvature(start, walls, car, margin, _ROUNDS if objective == "curvature" else _FEWER_ROUNDS)
     if objective == "time":
@@ -391,13 +384,6 @@ def _room(
 def raceline(map_line: MapLine, car: CarParameters, mu: float, max_speed: float, settings: Any) -> FloatArray:
     """Return the line of least lap time between the walls of a map, by what its profile may use of the tires. (n, 2).
 
-    Args:
-      map_line: the line through the course, with the walls beside it.
-      car: parameters of the car.
-      mu: friction coefficient that the planner assumes.
-      max_speed: [m/s].
-      settings: PurePursuitSettings of the car.
-
     Raises SettingsError: a line that is open, without walls or friction limits; a solver that does not converge.
     """
     if not (map_line.closed and map_line.walls and math.isfinite(mu)):
@@ -408,13 +394,6 @@ def raceline(map_line: MapLine, car: CarParameters, mu: float, max_speed: float,
 
 
 def room_on_map(table: FloatArray, map_line: MapLine, car: CarParameters, margin: float) -> FloatArray:
-    """Return the room beside a planner's line to the right (negative) and to the left, (n, 2) [m].
-
-    Args:
-      table: of the line, as of line_profile.line_table.
-      map_line: the line through the course, with its walls.
-      car: parameters of the car.
-      margin: of the planner's settings [m], of which a part is left.
-    """
+    """Return the room beside a planner's line to the right (negative) and to the left, (n, 2) [m], less some margin."""
     walls, line = walls_beside(map_line.points, map_line.walls), table[:, : Y + 1].copy()
     return room_beside(line, walls, car, _LEAST_MARGIN * margin, ROOM)

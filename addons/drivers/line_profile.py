@@ -37,9 +37,8 @@ _LONGEST = 30_000.0  # [m], as of tracks
 def read_line(path: str | Path) -> tuple[FloatArray, FloatArray]:
     """Return the points (n, 2) [m] of a file and the speeds there (n,) [m/s], inf where it has none.
 
-    Raises:
-      SettingsError: with the file, and the line where there is one: what `read_line_file` refuses, a speed that is not
-        positive, no two points, or a line that is too long or too far away.
+    Raises SettingsError: what `read_line_file` refuses, a speed that is not positive, no two points, too long or far
+    away.
     """
     try:
         file = read_line_file(path, course=False).note()
@@ -76,19 +75,10 @@ def line_table(
 ) -> FloatArray:
     """Return a line for a planner: points about SPACING apart, with the speed at each. Shape (m, 6), columns as above.
 
-    How far the car may be beside the line is ROOM.
-
-    Args:
-      points: in driving order, (n, 2) [m].
-      speeds: that they are not to be driven faster than, (n,) [m/s].
-      closed: whether the last point leads to the first; one that repeats it is dropped. Else the car stops at the last.
-      limiter: what the tires hold; None: no limits.
-      max_speed: [m/s].
-      curvature_span: to either side of a point, for its curvature [m].
-      cornering_use: share of the limiter's cornering acceleration.
-      braking_use: share of its braking and accelerating.
-
-    Raises SettingsError: a line without length.
+    `points` (n, 2) [m] are in driving order, `speeds` (n,) [m/s] and `max_speed` [m/s] are greatest ones. The last
+    point of a closed line leads to the first, and is dropped where it repeats it; else the car stops there.
+    `curvature_span` [m] is to either side of a point, and the uses are shares of the limiter's cornering, and braking
+    and accelerating. How far the car may be beside the line is ROOM. Raises SettingsError: a line without length.
     """
     if closed:
         points, speeds = np.vstack((points, points[:1])), np.append(speeds, speeds[0])

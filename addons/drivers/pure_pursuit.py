@@ -210,13 +210,8 @@ def _follow(
 class PurePursuit(Planner):
     """The planner with a map. Without a pose, or a scan, it brakes and keeps its steering angle.
 
-    Args:
-      car, mu, max_speed, settings: as of Planner.
-      map_line: the line through the course.
-
-    Raises:
-      SettingsError: a line that cannot be read, with its file and row, is open, or goes round the course's other way;
-        and as Planner.
+    Raises SettingsError: as Planner; a line that cannot be read, with file and row, is open, or goes the course's other
+    way.
     """
 
     Settings = PurePursuitSettings

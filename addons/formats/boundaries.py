@@ -25,18 +25,11 @@ _BLOCK = 256  # points whose distances are taken at once, to bound the memory
 def between_boundaries(
     path: Path, first: FloatArray, second: FloatArray, centre: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-    """Return the line of a course, its widths and its walls.
+    """Return a course's line (k, 2), how far it is to the right and the left boundary (k,), and these in its direction.
 
-    Args:
-      path: of the file, for messages.
-      first: a boundary, (n, 2) [m], in driving order.
-      second: the other, (m, 2) [m], either way round.
-      centre: the line, (k, 2) [m]; None: it is made, in the middle.
-
-    Returns:
-      The line (k, 2), how far it is to the right and to the left boundary, (k,) each [m], and these, in its direction.
-
-    Raises TrackError: a boundary that is not closed, or boundaries that cross or are not to either side of a line.
+    `first` (n, 2) is in driving order, `second` (m, 2) either way round; without `centre` the line is made, in the
+    middle; all in [m]. Raises TrackError: a boundary that is not closed, or boundaries that cross or are not to either
+    side of a line.
     """
     walls, sides = [], []
     for name, points in (("first", first), ("second", second)):

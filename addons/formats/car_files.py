@@ -83,9 +83,8 @@ class CarFiles:
 def read_car(paths: Sequence[Path]) -> CarFiles:
     """Return what files tell of a car; a folder stands for the files in it that are known.
 
-    Raises:
-      SettingsError: a file that cannot be read or tells nothing of a car, a value that cannot be, in its unit, or one
-        that a file tells twice, differently.
+    Raises SettingsError: a file that cannot be read or tells nothing, a value that cannot be, or is told twice,
+    differently.
     """
     values: dict[str, Told] = {}
     unused: list[str] = []

@@ -67,9 +67,9 @@ class FileCar:
 
 
 def load_car(source: Path) -> Vehicle:
-    """Return the vehicle of a file or a folder that tells of a car, and say in a `Note` what was not given.
+    """Return the vehicle of a file or a folder that tells of a car; a `Note` says what was not given.
 
-    Raises SettingsError: what `car_of` refuses.
+    Errors as `car_of`.
     """
     car = car_of([source])
     taken = ", ".join(line.partition(":")[0] for line in car.words if ": not given" in line)
@@ -80,10 +80,7 @@ def load_car(source: Path) -> Vehicle:
 
 
 def car_of(sources: Sequence[Path]) -> FileCar:
-    """Return the car of files and folders, of which the first that tells a value has it.
-
-    Raises SettingsError: what `read_car` refuses, or a car that cannot be built.
-    """
+    """Return the car of files and folders, of which the first that tells a value has it; errors as `read_car`."""
     for source in sources:
         if not is_car(source):
             accepted = ".yaml, .json, .txt, .ini, .urdf, or a folder"
@@ -266,9 +263,7 @@ def _toml(files: CarFiles, tires: dict[str, Any], words: Sequence[str]) -> str:
 def write_car(car: FileCar, folder: Path) -> list[Path]:
     """Write the MJCF, the tires and the page of a car into a folder, when the car has been loaded; return their paths.
 
-    Raises:
-      OSError: they cannot be written.
-      ModelError: no such car can be driven.
+    Raises OSError: they cannot be written; ModelError: no such car can be driven.
     """
     name, spec = car.files.name, parsed(car.vehicle.text, f"vehicle {car.files.name!r}")
     if car.tires:

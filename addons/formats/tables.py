@@ -36,11 +36,7 @@ _MOST_COLUMNS = 7  # of an array that lies on its side
 def line_table(path: Path, *, course: bool, line: str | None) -> Table:
     """Return the table of a line in a file.
 
-    Args:
-      path: of the file.
-      course: of several lines, whether the centreline is wanted, or one to drive.
-      line: part of the name of the wanted one; None: as `course` says.
-
+    Of several lines `course` wants the centreline, else one to drive, and `line` is part of the name of the wanted one.
     Raises TrackError: a file that cannot be read or has no line, several of which none is chosen, or none of the name.
     """
     suffix = path.suffix.lower()

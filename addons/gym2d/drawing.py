@@ -93,16 +93,7 @@ class Batch(Nothing):
 
 
 class EnvRenderer(Nothing):
-    """Stub of the gym's window, of v0.2 and of v1.0.
-
-    Attributes:
-      cars: of each car its `vertices`, x and y of four corners [px].
-      left, right, top, bottom, zoom_level: of the camera [px].
-      score_label: with x, y and text.
-      batch: to draw into.
-      poses: of the cars, (n, 3).
-      params, agent_ids: of the environment.
-    """
+    """Stub of the gym's window, of v0.2 and of v1.0: cars' `vertices` [px], camera, label, batch and `poses` (n, 3)."""
 
     def __init__(self, width: int = 1000, height: int = 800, **named: Any) -> None:
         super().__init__(**named)

@@ -332,13 +332,7 @@ class LapCount:
 
 
 class GymWorld(World):
-    """A world whose LiDARs measure along the 2D gym's beams, in the range of their own.
-
-    Args:
-      beams: of a scan.
-      field_of_view: of a scan [rad].
-      course, vehicle, settings: as of World.
-    """
+    """A world whose LiDARs measure along `beams` of the 2D gym over `field_of_view` [rad], in their own range."""
 
     def __init__(
         self, course: Course, vehicle: Any, *, beams: int = BEAMS, field_of_view: float = FIELD_OF_VIEW, **settings: Any

@@ -109,14 +109,7 @@ class CarAction:
 
 
 class Actuation:
-    """The way of actions to their cars: noise first, then a delay of whole steps, in which a car gets zeros at first.
-
-    Args:
-      settings: of gym_config.ACTUATION, by name.
-      agents: how many cars.
-
-    Raises SettingsError: a value out of its range.
-    """
+    """The way of actions to their cars: noise first, then a delay of whole steps, in which a car first gets zeros."""
 
     def __init__(self, settings: Mapping[str, Any], agents: int) -> None:
         self._agents = agents

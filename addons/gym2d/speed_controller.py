@@ -45,13 +45,7 @@ class SpeedController:
         self._asked, self._added, self._before = 0.0, 0.0, math.nan
 
     def set_point(self, wanted: float, wheel_speed: float, ground_speed: float) -> float:
-        """Return the set point of the motor [m/s].
-
-        Args:
-          wanted: speed that is commanded [m/s].
-          wheel_speed: mean of the wheels' surface speeds [m/s].
-          ground_speed: of the centre of gravity, negative where the car goes back [m/s].
-        """
+        """Return the motor's set point [m/s] of a commanded, a mean wheel's and a ground speed, negative back [m/s]."""
         if not self._over_ground:
             car, asked = self._car, self._acceleration(wanted, wheel_speed)
             if wheel_speed >= (0.0 if asked > 0.0 else _LEAST_SPEED):

@@ -75,14 +75,9 @@ def whole_inertia(mass: float, yaw_inertia: float, length: float, width: float) 
 def ackermann_quartic(wheelbase: float, track_width: float, limit: float) -> FloatArray:
     """Return the polynomial c1 d + c2 d^2 + c3 d^3 + c4 d^4 of a wheel's angle over the steering angle d (4,) [rad].
 
-    A wheel that rolls on a circle about the middle of the turn has tan(a) = tan(d) / (1 - tan(d) w / (2 b)) for the
-    left wheel, and with the other sign of w for the right one. The quartic has the least greatest error on +-`limit`.
-    Source: Lawson, Contributions to the theory of linear least maximum approximation, 1961.
-
-    Args:
-      wheelbase: b [m].
-      track_width: w [m], negative for the right wheel.
-      limit: greatest steering angle [rad].
+    A wheel that rolls on a circle about the middle of the turn has tan(a) = tan(d) / (1 - tan(d) w / (2 b)), with the
+    track width w [m] negative for the right wheel, and the wheelbase b [m]. The quartic has the least greatest error on
+    +-`limit` [rad]. Source: Lawson, Contributions to the theory of linear least maximum approximation, 1961.
     """
     angles = np.linspace(-limit, limit, 401)
     exact = ackermann_angle(angles, wheelbase, track_width)

@@ -65,13 +65,9 @@ class Floor:
 
     @classmethod
     def load(cls, source: Floor | str | Path | Mapping[str, Any]) -> Floor:
-        """Return a floor.
+        """Return a floor of a bundled name, a TOML file, its content by name, or itself.
 
-        Args:
-          source: a bundled name, the path of a TOML file, its content by name, or a Floor.
-
-        Raises:
-          SettingsError: an unknown name, or a file that is not that of a floor.
+        Raises SettingsError: none of these.
         """
         if isinstance(source, Floor):
             return source

@@ -79,11 +79,9 @@ class FrameTree:
         return None
 
     def base_of(self, frame: str, stated: str = "") -> str | None:
-        """Return the car's own frame that a sensor's frame hangs on; None: there is none.
+        """Return the car's own frame that a sensor's frame hangs on, or that of the odometry, `stated`.
 
-        Args:
-          frame: of the sensor.
-          stated: the frame of the odometry, which is used where no frame has a usual name.
+        Raises None: there is none.
         """
         worlds = {name for name in self._links if is_world(name)}
         for base in BASES:

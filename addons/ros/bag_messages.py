@@ -93,10 +93,7 @@ def _vesc_definitions() -> dict[str, str]:
 
 
 def require_ros_extra() -> None:
-    """Make sure that bags can be read and written.
-
-    Raises MissingExtraError: a part is not installed; the message has the command that installs it.
-    """
+    """Make sure that bags can be read and written; MissingExtraError: a part of the extra `ros` is not installed."""
     if any(importlib.util.find_spec(name) is None for name in ("mcap", "rosbags", "scipy")):
         raise missing_extra("ROS bags need mcap, rosbags and SciPy", "ros")
 
@@ -105,8 +102,7 @@ def require_ros_extra() -> None:
 def type_store(distribution: str = "") -> Any:
     """Return the types of a distribution of ROS 2; those of Humble, unless rosbags knows the one that is named.
 
-    Those that are written here are the same in every later release.
-    Raises MissingExtraError: the extra `ros` is not installed.
+    Those that are written here are the same in every later release. Raises MissingExtraError: the extra `ros`.
     """
     require_ros_extra()
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -131,14 +127,7 @@ def to_cdr(message: Any) -> bytes:
 def from_cdr(content: bytes, kind: str, store: Any = None) -> Any:
     """Return the message of a type that CDR has, up to eight bytes of padding behind it left out.
 
-    Args:
-      content: with its header.
-      kind: of the message.
-      store: types, as those of `type_store`.
-
-    Raises:
-      BagError: another encoding than XCDR1.
-      Exception: what rosbags raises where there is no such message.
+    Raises BagError: another encoding than XCDR1; Exception: what rosbags raises where there is no such message.
     """
     encoding = _ENCODINGS.get(bytes(content[:2]))
     if encoding is not None:
@@ -200,13 +189,8 @@ def odometry_message(
 ) -> Any:
     """Return nav_msgs/Odometry: the true pose, the wheels' mean speed, and the gyro's turning rate.
 
-    Args:
-      odometry: what the car senses.
-      position: (3,) [m] of base_link in the world.
-      quaternion: (4,) wxyz of base_link in the world.
-      lateral_speed: of base_link over the ground, left positive [m/s].
-      frame: that the pose is in.
-      child: frame of the car.
+    Position (3,) [m] and quaternion (4,) wxyz are of base_link in the world, `lateral_speed` [m/s] is over the ground,
+    left positive; the pose is in `frame`, and `child` is the car's.
     """
     unknown = np.zeros(36)
     twist = _make("geometry_msgs/msg/Twist", linear=_vector((odometry.speed, lateral_speed, 0.0)),

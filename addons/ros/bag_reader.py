@@ -241,10 +241,7 @@ class Clock:
     def shift(self, stamp: int, heard: Heard, *, again: bool = False) -> tuple[int, float]:
         """Return the offset to add to a stamp [ns], and the time since the stamp before [s].
 
-        Args:
-          stamp: in the message's header [ns].
-          heard: the message.
-          again: whether it is the last one, sent again.
+        Raises `again`: it was sent again.
         """
         stated = stamp
         if stated == 0 and heard.received > _UNSTAMPED:
@@ -265,11 +262,7 @@ class Clock:
 
 
 class ScanFaults:
-    """Faults of a bag's scans that do not prevent reading them; each is reported once, at the end.
-
-    Attributes:
-      again: whether the last scan was the one before it, sent again.
-    """
+    """Faults of a bag's scans that do not prevent reading them; each is reported once, at the end."""
 
     def __init__(self, bag: Recording) -> None:
         self._bag = bag

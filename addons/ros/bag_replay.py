@@ -37,10 +37,7 @@ class PlannedCommand:
 
 
 def planned(planner: Controller, deliveries: Iterable[Delivery]) -> Iterator[PlannedCommand]:
-    """Reset a planner, and yield its command for each scan.
-
-    Raises ControllerError: it raises, or answers something else than a DriveCommand.
-    """
+    """Reset a planner, and yield its command for each scan; ControllerError: it raises, or answers none."""
     start(planner)
     for delivery in deliveries:
         command = plan(planner, delivery.scan, delivery.odometry)
@@ -48,10 +45,7 @@ def planned(planner: Controller, deliveries: Iterable[Delivery]) -> Iterator[Pla
 
 
 def check_commands_file(path: Path) -> None:
-    """Make sure that commands can be written to a file of this name.
-
-    Raises SettingsError: its suffix is not one of SUFFIXES.
-    """
+    """Make sure that commands can be written to a file of this name; SettingsError: none of SUFFIXES."""
     if path.suffix.lower() not in SUFFIXES:
         raise SettingsError(f"{path}: is no file of commands; accepted: one that ends in {' or '.join(SUFFIXES)}")
 
@@ -60,10 +54,7 @@ def write_commands(commands: Iterable[PlannedCommand], path: str | Path) -> int:
     """Write commands as CSV, a row each, or as /drive in an MCAP bag; return how many.
 
     After Ctrl-C, and where the planner fails, the commands up to there are written. Any other error leaves no file.
-
-    Raises:
-      SettingsError: another suffix.
-      BagError: the file cannot be written.
+    Raises SettingsError: another suffix; BagError: the file cannot be written.
     """
     path = Path(path)
     check_commands_file(path)

@@ -62,15 +62,7 @@ def mount_of(frames: FrameTree, sensor: str, stated: str = "") -> Mount:
 
 
 def to_scan(message: Any, mount: Mount | None = None, *, period: float = 0.025) -> LaserScan:
-    """Return the scan of a sensor_msgs/LaserScan.
-
-    Args:
-      message: as rosbags has it.
-      mount: of the LiDAR; level and straight ahead by default.
-      period: from one scan to the next [s], where the message has none.
-
-    Raises BagError: angles or limits that no LiDAR has.
-    """
+    """Return the scan of a sensor_msgs/LaserScan, with a period [s] where it has none; BagError: angles of no LiDAR."""
     mount = mount or Mount()
     _check(message)
     ranges = _readings(np.asarray(message.ranges, np.float64), float(message.range_min), float(message.range_max))

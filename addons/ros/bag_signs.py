@@ -123,11 +123,7 @@ class SignFinder:
             self._turn_by_scans.add(w * self._rates[2])
 
     def signs(self, *, turns: bool) -> tuple[Signs, str]:
-        """Return the signs, and what is to be said of them, if anything.
-
-        Args:
-          turns: whether the topic has a yaw rate at all.
-        """
+        """Return the signs, and what is to be said of them, if anything; `turns`: the topic has a yaw rate at all."""
         scans, commands = self._by_scans.said, self._by_commands.said
         never = turns and self._turns.said < 0
         told = ["its yaw rate is always 0, also where the scans turn, and is not read"] if never else []

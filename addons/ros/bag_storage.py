@@ -44,19 +44,10 @@ class Channel:
 
 
 class Storage:
-    """A file of messages.
+    """A file of messages, which errors name by the path `shown`, and the stack closes.
 
-    Args:
-      path: of the file.
-      shown: the path that errors name.
-      stack: closes what stays open.
-
-    Attributes:
-      channels: by number.
-      owners: the number of each message's channel, in the order in which the messages are read.
-      times: when each message was recorded [ns].
-      distribution: of ROS 2 that wrote the file, where the file says so.
-
+    `channels` are by number; `owners` and `times` [ns] are each message's channel and when it was recorded, in the
+    order of reading; `distribution` is that of ROS 2, where the file says so.
     Raises BagError: the file is unfinished or damaged. `read` raises it, too.
     """
 
@@ -104,10 +95,7 @@ class Storage:
 
 
 def open_storage(path: Path, stack: ExitStack) -> Storage:
-    """Return the messages of a file, whichever of the formats it has.
-
-    Raises BagError: it has none of them, or is unfinished or damaged.
-    """
+    """Return the messages of a file, whichever of the formats it has; BagError: none, or unfinished or damaged."""
     shown, begin = path, _first_bytes(path)
     if begin.startswith(_ZSTD):  # one file compressed as a whole, by rosbag2 or by hand
         import zstandard

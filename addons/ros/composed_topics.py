@@ -101,13 +101,10 @@ def motor_message(odometry: Odometry, mass: float) -> Any:
 
 @dataclass(frozen=True)
 class Composed:
-    """A topic that others make together.
+    """A topic that others make together, its `sources`, of about `count` messages.
 
-    Attributes:
-      sources: those others.
-      count: about how many messages there are.
-      hides: sources that are not to be chosen by themselves.
-      begin: returns what takes the sources' messages in turn, each with its time [ns], and returns a message or None.
+    Sources in `hides` are not to be chosen by themselves. `begin` returns what takes the sources' messages in turn,
+    each with its time [ns], and returns a message or None.
     """
 
     sources: frozenset[Topic]

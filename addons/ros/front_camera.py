@@ -36,9 +36,9 @@ class FrontCamera:
         self._drawn: tuple[World, Renderer, mujoco.MjData] | None = None
 
     def picture(self, surroundings: Surroundings) -> NDArray[np.uint8]:
-        """Return the picture from where the car is. Shape (360, 640, 3).
+        """Return the picture from where the car is.
 
-        Raises MissingExtraError: no OpenGL; the message has the command that installs it.
+        Shape (360, 640, 3). MissingExtraError: no OpenGL, and what installs it.
         """
         from fg_mujoco.pictures.rendering import Renderer
         from fg_mujoco.pictures.rendering.cameras import View

@@ -34,14 +34,10 @@ class Grid:
 
 
 def grid_of(model: mujoco.MjModel, start: FloatArray, resolution: float = RESOLUTION) -> Grid:
-    """Return the map of a world's model.
+    """Return the map of a world's model, seen from a place (2,) [m] that is free.
 
-    Args:
-      model: of a World.
-      start: (2,) [m] a place that is free.
-      resolution: side of a cell [m]; doubled until there are no more than 25 million.
-
-    Raises ModelError: walls that are further apart than those of any course.
+    The side of a cell [m] is doubled until there are no more than 25 million. Raises ModelError: walls that are further
+    apart than those of any course.
     """
     from scipy import ndimage  # heavy, and only a map needs it
 

@@ -17,12 +17,7 @@ HELD = 0.5
 
 
 def command_of(kind: str, message: Any, wheelbase: float) -> DriveCommand:
-    """Return the command of a message.
-
-    Args:
-      kind: its type, DRIVE, ACKERMANN, TWIST or TWIST_STAMPED.
-      message: its fields are attributes.
-      wheelbase: of the car that is commanded [m].
+    """Return the command of a message of type DRIVE, ACKERMANN, TWIST or TWIST_STAMPED, at a wheelbase [m].
 
     Raises AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
     """
@@ -41,10 +36,7 @@ def _number(value: Any) -> float:
 
 
 def pose_of(message: Any) -> tuple[float, float, float]:
-    """Return position [m] and heading [rad] of a geometry_msgs/PoseWithCovarianceStamped.
-
-    Raises AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
-    """
+    """Return position [m] and heading [rad] of a PoseWithCovarianceStamped; errors as of `command_of`."""
     pose = message.pose.pose
     found = float(pose.position.x), float(pose.position.y), heading_of(pose.orientation)
     if not all(map(math.isfinite, found)):

@@ -92,24 +92,13 @@ _SLOW = 0.25  # [s] between two messages to which parameters and status belong
 
 
 class FoxgloveServer:
-    """Serves a session to Foxglove, and to whatever speaks its WebSocket protocol.
+    """Serves a session to Foxglove, and to whatever speaks its WebSocket protocol, at `url`; port 0: any that is free.
 
-    Args:
-      session: to be shown, and driven on.
-      host: address to listen on.
-      port: to listen on; 0: any that is free.
-      step_on_drive: a tick is driven for each command, in the order in which they come, and time stands still between
-        them. At most 400 commands wait for their ticks. Further ones are dropped, and clients are told.
-      log: takes lines that say who was refused, at most one a second; None: nobody does.
-
-    Attributes:
-      session: the same.
-      port: that it listens on.
-      url: where clients connect to.
-
-    Raises:
-      MissingExtraError: the extra `foxglove` is not installed.
-      SettingsError: an address that cannot be listened on.
+    With `step_on_drive` a tick is driven for each command, in the order in which they come, and time stands still
+    between them. At most 400 commands wait for their ticks. Further ones are dropped, and clients are told. `log` takes
+    lines that say who was refused, at most one a second.
+    Raises MissingExtraError: the extra `foxglove` is not installed; SettingsError: an address that cannot be listened
+    on.
     """
 
     def __init__(
@@ -245,9 +234,9 @@ class FoxgloveServer:
         return {name: value for name, value in values.items() if not isinstance(value, float) or math.isfinite(value)}
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Set a parameter; one that changes the car or its planner does so at the next tick.
+        """Set a parameter, at the next tick where it changes the car or its planner.
 
-        Raises SettingsError: a name that there is not, or a value that it cannot have.
+        Raises SettingsError: none, or its value.
         """
         known = self.parameters()
         if name not in known:
@@ -266,9 +255,7 @@ class FoxgloveServer:
     def take(self, topic: str, encoding: str, content: bytes) -> None:
         """Take a message that a client has published.
 
-        Raises:
-          MessageError: a topic that is not listened to, a message that is not of its type, or a command for which too
-            many others wait.
+        Raises MessageError: another topic, no message of its type, or a command for which too many others wait.
         """
         if topic not in ACCEPTED:
             raise MessageError(f"nobody listens to {topic}; accepted: {', '.join(ACCEPTED)}")
@@ -472,10 +459,7 @@ class _Listener:
 
 
 def require_foxglove() -> None:
-    """Make sure that Foxglove can be served.
-
-    Raises MissingExtraError: foxglove-sdk, or a part of the extra `ros`, is not installed.
-    """
+    """Make sure that Foxglove can be served; MissingExtraError: foxglove-sdk, or a part of the extra `ros`."""
     require_ros_extra()
     from importlib.util import find_spec
 

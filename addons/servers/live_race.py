@@ -87,21 +87,11 @@ _FROM_HERE = _OWN | _OF_OPPONENT
 
 
 class LiveRace:
-    """The race of a session.
+    """The race of a session, with `step_on_drive` a tick for each command, and time stands still between them.
 
-    Args:
-      session: to be driven on.
-      step_on_drive: a tick is driven for each command, and time stands still between them.
-      encode: returns a message as it is sent, by message and type.
-      send: is called with topic and encoded message of each that is published.
-      listened: returns the topics that somebody listens to.
-      tell: is called with a level of a status and a text, when something has happened.
-
-    Attributes:
-      session: the same.
-      step_on_drive: the same.
-      published: types of the topics that are published, by name.
-      map: the message on /map.
+    `encode` makes of a message and its type what is sent, `send` is called with topic and encoded message, `listened`
+    returns the topics that somebody listens to, and `tell` is called with a level and a text when something has
+    happened. `published` are the types of the topics by name, `map` the message on /map.
     """
 
     def __init__(
@@ -163,9 +153,9 @@ class LiveRace:
         return driven
 
     def take(self, topic: str, kind: str, message: Any) -> None:
-        """Take a message on one of TAKEN, or a command on any other; it is held, and is a tick where each one is.
+        """Take a message on one of TAKEN, or a command on another; it is held, or a tick where each one is.
 
-        Raises MessageError: it cannot be done.
+        Raises MessageError.
         """
         if topic == OPPONENT_DRIVE:
             if len(self.session.world.cars) < 2:
@@ -186,10 +176,7 @@ class LiveRace:
                 self._step()
 
     def reset(self) -> None:
-        """Begin the race again, and publish the moment at which the car stands there.
-
-        Raises MessageError: it cannot be done.
-        """
+        """Begin the race again, and publish the moment at which the car stands there; or MessageError."""
         self.session.reset()
         self._place()
 

@@ -171,17 +171,11 @@ class Raceline:
 
 
 def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float = MARGIN) -> Raceline:
-    """Return the raceline of a setup's circuit for its first car.
+    """Return the raceline of a setup's circuit for its first car, by the least lap `time` or the least `curvature`.
 
-    Args:
-      setup: circuit, obstacles, car, tires, friction and greatest speed; the rest is not used.
-      objective: `time`, the least lap time, or `curvature`, the least curvature.
-      margin: between the car's outline and everything that stands [m].
-
-    Raises:
-      SettingsError: an objective or a margin that there is not, or a solver that does not converge.
-      TrackError: a course that is no circuit, is longer than LONGEST, or is narrower somewhere than the car and the
-        margins.
+    `margin` [m] is between the car's outline and everything that stands. Raises SettingsError: an objective or a margin
+    that there is not, or a solver that does not converge; TrackError: a course that is no circuit, is longer than
+    LONGEST, or is narrower somewhere than the car and the margins.
     """
     if objective not in OBJECTIVES:
         raise SettingsError(f"objective is {objective!r}; {accepted_names(objective, OBJECTIVES)}")

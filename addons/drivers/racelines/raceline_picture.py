@@ -14,12 +14,7 @@ _MAP_SHARE = 0.66  # of the width
 
 
 def raceline_picture(line: Raceline, path: Target) -> None:
-    """Draw a raceline as PNG: where it leads and how fast, beside the accelerations that it takes.
-
-    Raises:
-      MissingExtraError: matplotlib is not installed.
-      OSError: the file cannot be written.
-    """
+    """Draw a raceline as PNG: where it leads and how fast, and its accelerations; MissingExtraError, OSError."""
     from matplotlib.collections import LineCollection
 
     width, height = (extent(line.course, line.points)[1] - extent(line.course, line.points)[0]).tolist()

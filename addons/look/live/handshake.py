@@ -21,13 +21,7 @@ from urllib.parse import urlsplit
 
 
 def is_own(hosts: list[str], origins: list[str], names: frozenset[str]) -> bool:
-    """Return whether a request comes from a page that this server has served, or from no page.
-
-    Args:
-      hosts: its `Host` headers.
-      origins: its `Origin` headers.
-      names: by which the server may be called, besides addresses and localhost.
-    """
+    """Return whether a request, by its headers, comes from a page of this server, of one of `names`, or from none."""
     if len(hosts) != 1 or len(origins) > 1:
         return False
     (host,) = hosts

@@ -174,18 +174,10 @@ def limit_speed(steering_angle: FloatArray, car: CarParameters, mu: float) -> Fl
 
 
 def accelerations(time: FloatArray, speed: FloatArray, yaw_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the acceleration of the rear axle ahead, dv/dt over the tick, and to the left, v times the yaw rate.
+    """Return the rear axle's acceleration ahead, dv/dt over the tick, and to the left, v times yaw rate (n,) [m/s^2].
 
     They leave out the lateral slip of the rear axle. In the last tick, whose end the telemetry does not have, dv/dt is
     that of the tick before.
-
-    Args:
-      time: of the starts of the ticks (n,) [s].
-      speed: ahead (n,) [m/s].
-      yaw_rate: (n,) [rad/s].
-
-    Returns:
-      ahead (n,) and left (n,) [m/s^2].
     """
     if len(time) < 2:
         return np.zeros(len(time)), speed * yaw_rate

@@ -32,9 +32,7 @@ _PLACE, _SHARE = 0.05, 0.2  # [m], [-] by which a pose may be off the one that i
 def read_csv_drive(path: Path, columns: DriveColumns | None = None) -> RecordedDrive:
     """Return the drive of a CSV file; None of `columns`: of a layout that is recognised by its columns.
 
-    Raises:
-      SettingsError: a file that cannot be read, that lacks a column, whose clock runs backwards, or in which a column
-        has another unit than is said.
+    Raises SettingsError: a file that cannot be read, lacks a column or has wrong units, or whose clock runs backwards.
     """
     header, table, numbers = _read(path)
     if columns is None:
@@ -124,10 +122,10 @@ def _corrections(columns: DriveColumns, checks: DriveChecks) -> tuple[float, flo
 
 
 def header_of(lines: Iterable[str]) -> tuple[list[str], str, int]:
-    """Return the columns that a CSV file has, what separates them, and how many lines stand before its first row.
+    """Return a CSV file's columns, what separates them, and how many lines stand before its first row.
 
-    Lines that begin with # are comments. The header is the first line that is none; where that has numbers only, it is
-    the comment before it.
+    Raises # begins comments.
+    The header is the first line that is none; where that has numbers only, it is the comment before it.
     """
     comment = ""
     for count, line in enumerate(lines):

@@ -19,12 +19,7 @@ from .drive_recording import RecordedDrive
 
 
 def drive_of_run(run: Run, world: World | None = None, *, beams: bool = True) -> RecordedDrive:
-    """Return what the sensors of a run's car measured.
-
-    Args:
-      run: a run folder that was read.
-      world: of `load_world(run)`; None: it is loaded.
-      beams: keep the scans.
+    """Return what the sensors of a run's car measured, in `world`, or one that is loaded; `beams` keeps the scans.
 
     Raises RunFolderError: a damaged run folder.
     """

@@ -68,9 +68,9 @@ def refuse_for_kind(path: Path, kind: str, columns: object, topics: Mapping[str,
 
 
 def kind_of(path: Path) -> str:
-    """Return what a path is: "csv", "bag" or "run". Whether there is such a file is seen when it is read.
+    """Return what a path is, "csv", "bag" or "run", whether there is such a file or not.
 
-    Raises SettingsError: it is none of these.
+    Raises SettingsError: none of these.
     """
     if is_folder(path):
         if (path / SUMMARY).is_file():

@@ -55,12 +55,7 @@ def disagreement(
 ) -> tuple[str, str] | None:
     """Return which column disagrees with the others by a unit or a sign, and what it looks like; None: they agree.
 
-    Args:
-      time: (n,) [s].
-      speed: (n,) [m/s].
-      yaw_rate: (n,) [rad/s].
-      steering: (n,) [rad].
-      pose: (n, 3) [m, m, rad], or None.
+    Time [s], speed [m/s], yaw rate [rad/s] and steering [rad] are (n,), the pose (n, 3) [m, m, rad].
     """
     rows = np.isfinite(time + speed + yaw_rate + steering)
     if pose is not None:

@@ -65,14 +65,8 @@ class Drive(Measured):
     def of_recorded(cls, recorded: RecordedDrive, car: CarParameters, vehicle: str) -> Drive:
         """Return a recorded drive for identification.
 
-        Its poses head where the car goes that goes straight: else its tires would slip where they do not.
-
-        Args:
-          recorded: as `read_drive` returns it.
-          car: whose constants are assumed.
-          vehicle: its name.
-
-        Raises SettingsError: a drive that is too short, or stands, or has neither accelerations nor poses.
+        Its poses head where the car goes that goes straight: else its tires would slip where they do not. Raises
+        SettingsError: a drive that is too short, or stands, or has neither accelerations nor poses.
         """
         pose, offset = recorded.pose, recorded.checks.turned_poses
         if pose is not None and offset != 0.0:
@@ -90,13 +84,8 @@ class Drive(Measured):
     def of_run(cls, run: Run, car: CarParameters | None = None) -> Drive:
         """Return what the sensors of a run's car measured, by simulating the run again.
 
-        Args:
-          run: a run folder that was read.
-          car: whose constants are assumed; None: those of the run's own car.
-
-        Raises:
-          RunFolderError: a damaged run folder.
-          SettingsError: a run that is too short, or stands.
+        Without `car` the constants are those of the run's own car. Raises RunFolderError: a damaged run folder;
+        SettingsError: a run that is too short, or stands.
         """
         world = load_world(run)
         recorded = drive_of_run(run, world, beams=False)

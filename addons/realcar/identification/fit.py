@@ -162,15 +162,8 @@ def output_error(
 
     The first two fits are to some segments alone, spread over the drives; the third one is to all that are not held
     back. The first one starts from several gains of the steering, and the best counts: a steering that turns too little
-    with stiff tires in front is a minimum of its own. At the deadline the best parameters so far are returned, with the
-    intervals that the segments so far give.
-
-    Args:
-      problems: of the drives.
-      parameters: to start from, such as those of `inverse_dynamics`.
-      linear: find of each axle the stiffness alone.
-      watch: told in words how far it is.
-      deadline: of `time.monotonic` [s].
+    with stiff tires in front is a minimum of its own. At the deadline, of `time.monotonic` [s], the best parameters so
+    far are returned, with the intervals that the segments so far give.
     """
 
     def told(fit: int) -> Callable[[int], None]:

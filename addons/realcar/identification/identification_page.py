@@ -42,12 +42,7 @@ measured speed, from the state at the start of the stretch that fits best.</p>
 
 
 def write_identification_report(found: Identification, path: str | Path) -> Path:
-    """Write the page of an identification and return its path.
-
-    Raises:
-      MissingExtraError: bokeh is not installed.
-      RunFolderError: the page cannot be written.
-    """
+    """Write the page of an identification and return its path; MissingExtraError: no bokeh; RunFolderError."""
     require_bokeh()
     plots = {f"axle_{axle}": _axle_plot(found, axle) for axle in (0, 1)}
     plots |= {f"yaw_{index}": _yaw_plot(found, index) for index in range(len(found.others))}

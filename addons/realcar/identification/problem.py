@@ -87,12 +87,8 @@ class Linearised:
 class DriveProblem:
     """One drive, smoothed and cut into segments.
 
-    Attributes:
-      motion: smoothed.
-      segments: (m, 2) first node and the one behind the last.
-      held_back: (m,) whether a segment is for validation alone.
-      smoothed: (m, STATES) at the starts, as smoothed.
-      step: of the grid [s].
+    `segments` (m, 2) are the first node and the one behind the last, `held_back` (m,) those for validation alone,
+    `smoothed` (m, STATES) the states at the starts, and `step` [s] is the grid's.
     """
 
     def __init__(self, drive: Drive, *, single_track: bool = False) -> None:
@@ -219,13 +215,9 @@ class DriveProblem:
     def linearise(
         self, parameters: FloatArray, starts: FloatArray, noise: FloatArray, free: NDArray[np.bool_]
     ) -> Linearised:
-        """Return residuals and derivatives at some parameters and starts.
+        """Return residuals and derivatives at some parameters and starts (m, STATES), by the free parameters.
 
-        Args:
-          parameters: (len(PARAMETERS),).
-          starts: (m, STATES).
-          noise: (4,) standard deviation of each channel.
-          free: which parameters to differentiate by.
+        `noise` (4,) is the standard deviation of each channel.
         """
         weights = 1.0 / noise[self.channels()]
         nodes = self.run(parameters, starts)

@@ -54,10 +54,7 @@ class SpeedResponse:
 def speed_response(problems: Sequence[DriveProblem], parameters: FloatArray, *, seed: int = 1) -> SpeedResponse | str:
     """Return how the speed follows the commands, or the reason why the drives do not tell.
 
-    Args:
-      problems: of the drives, without what is held back.
-      parameters: that output error found, for the slip angles.
-      seed: of the bootstrap.
+    Of the parameters that output error found come the slip angles; `seed` is the bootstrap's.
     """
     told = [problem for problem in problems if problem.drive.speed_command is not None]
     if not told:

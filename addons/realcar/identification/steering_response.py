@@ -18,12 +18,8 @@ from ..drives.channels import Channel
 class Steering:
     """The steering of a drive: from commands, each held until the next one, to the angle of the front wheels.
 
-    Args:
-      commands: [rad].
-      time: (n,) [s] of the grid.
-      limit: greatest angle that the front wheels reach [rad], whatever is commanded.
-      rate: greatest of the servo [rad/s].
-      held: whether a command holds until the next one; else, as for measured angles, it is linear in between.
+    Commands are in [rad], `time` (n,) [s] is the grid's, `limit` [rad] what the front wheels reach, `rate` [rad/s] the
+    servo's. Measured angles are not `held`, but linear in between.
     """
 
     def __init__(self, commands: Channel, time: FloatArray, *, limit: float, rate: float, held: bool) -> None:

@@ -59,10 +59,7 @@ def check_tire_file(path: Path) -> None:
 
 
 def write_tires(found: Identification, path: str | Path) -> Path:
-    """Write identified tires as a TOML file, and return its path; one that exists is replaced.
-
-    Raises SettingsError: another suffix, or a file that cannot be written.
-    """
+    """Write identified tires as a TOML file, in place of one that exists, and return its path; or SettingsError."""
     path = Path(path)
     check_tire_file(path)
     try:

@@ -37,13 +37,7 @@ _STEP = 0.005  # [s] of the physics: delays below half of it are none
 
 
 def vehicle_text(found: Identification, vehicle: Vehicle, *, name: str, tires: str) -> str:
-    """Return the MJCF of the identified car.
-
-    Args:
-      found: by identification, with this vehicle's constants.
-      vehicle: that was assumed.
-      name: of the new model.
-      tires: the file of its tires, in the same folder, or the name of a bundled set.
+    """Return the MJCF of the identified car, by a new name, on tires of a file in the same folder or of a bundled set.
 
     Raises ModelError: the vehicle's MJCF has its servos or wheels in another form than the bundled ones.
     """
@@ -66,10 +60,7 @@ def vehicle_text(found: Identification, vehicle: Vehicle, *, name: str, tires: s
 
 
 def write_vehicle(found: Identification, vehicle: Vehicle, path: Path, *, tires: str) -> Path:
-    """Write the MJCF of the identified car, and return its path; errors as of `vehicle_text`.
-
-    Raises SettingsError: a file that cannot be written.
-    """
+    """Write the MJCF of the identified car, and return its path; errors as of `vehicle_text`, and SettingsError."""
     text = vehicle_text(found, vehicle, name=path.stem, tires=tires)
     try:
         write_file(path, text.encode())

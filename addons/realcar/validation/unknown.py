@@ -35,12 +35,9 @@ def unknown_parts(
 ) -> tuple[str, ...]:
     """Return a sentence for each drive whose yaw rate is off by more than AGREES.
 
-    Args:
-      motions: of the drives.
-      windows: of 1 s, driven by the recorded commands, or at the recorded speed.
-      simulated: the model's motions (n, k, 6) in them.
-      rear: distance of the rear axle from the centre of gravity [m].
-      grip: greatest lateral acceleration of the model's tires [m/s^2].
+    Windows are of 1 s, driven by the recorded commands or at the recorded speed; `simulated` (n, k, 6) are the model's
+    motions in them. `rear` [m] is from the centre of gravity to the rear axle, `grip` [m/s^2] the tires' greatest
+    lateral acceleration.
     """
     said, slips = [], signals_of(simulated, rear)["slip angle"]
     for number, motion in enumerate(motions):

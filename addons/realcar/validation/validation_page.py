@@ -66,12 +66,7 @@ over them. The widths are goals of this project and no numbers of the standard.<
 
 
 def write_validation_page(found: Validation, path: str | Path) -> Path:
-    """Write the page of a validation and return its path.
-
-    Raises:
-      MissingExtraError: bokeh is not installed.
-      RunFolderError: the page cannot be written.
-    """
+    """Write the page of a validation and return its path; MissingExtraError: no bokeh; RunFolderError."""
     require_bokeh()
     plots: dict[str, UIElement] = {}
     for signal in BANDS if found.steady else ():

@@ -108,13 +108,7 @@ class SteadyState:
 def motion_of(
     drive: RecordedDrive, car: CarParameters, vehicle: str, response: CommandResponse | None = None
 ) -> DriveMotion:
-    """Return the smoothed motion of a drive.
-
-    Args:
-      drive: that was recorded.
-      car: whose constants are assumed.
-      vehicle: its name.
-      response: how it answers commands; None: it does what it is sent, at once.
+    """Return the smoothed motion of a drive; without `response` the car does what it is sent, at once.
 
     Raises SettingsError: a drive without poses, or one that is too short, or stands.
     """

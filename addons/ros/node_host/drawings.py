@@ -28,11 +28,7 @@ _SHAPES = {
 
 
 class Drawings:
-    """The markers, paths and poses that nodes publish.
-
-    Args:
-      graph: of the nodes, whose frames the drawings are in.
-    """
+    """The markers, paths and poses that nodes publish, in the frames of their graph."""
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph

@@ -44,13 +44,7 @@ def steering_of_twist(speed: float, turning: float, wheelbase: float) -> float:
 
 
 class Driving:
-    """The drive topics of some nodes.
-
-    Args:
-      graph: of the nodes.
-      car: that they drive.
-      said: returns what the nodes are called, for messages.
-    """
+    """The drive topics of some nodes; `said` returns what the nodes are called, for messages."""
 
     def __init__(self, graph: Graph, car: CarParameters, said: Callable[[], str]) -> None:
         self._graph, self._car, self._said = graph, car, said
@@ -95,12 +89,8 @@ class Driving:
     def asked(self, speed: float) -> tuple[float, float] | None:
         """Return the speed [m/s] and the steering angle [rad] last asked for; None: nothing yet.
 
-        A command that is no number holds the last one, and a warning says so.
-
-        Args:
-          speed: of the car [m/s], from which a motor's current accelerates it.
-
-        Raises NodeError: the tenth such command in a row; several drive topics, see `topics`.
+        A motor's current accelerates the car from its speed [m/s]. A command that is no number holds the last one, and
+        a warning says so; the tenth in a row is a NodeError, as are several drive topics, see `topics`.
         """
         topics = self.topics()
         self._tell_of_resets()

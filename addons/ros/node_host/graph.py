@@ -138,11 +138,9 @@ class Process:
         return not self.done and ((self.wake is not None and self.wake <= self.graph.now) or self.ready())
 
     def resume(self, limit: float) -> None:
-        """Let it run until it waits.
+        """Let it run until it waits, and raise what the node raises.
 
-        Raises:
-          NodeBlockedError: it did not within a limit [s], which does not count the imports of other libraries.
-          BaseException: whatever the node raises.
+        Raises NodeBlockedError: it did not within a limit [s], which does not count the imports of other libraries.
         """
         self.running = True
         self._go.release()
@@ -203,11 +201,7 @@ class Process:
 
 
 class Graph:
-    """The nodes of one planner.
-
-    Args:
-      wall_limit: of wall time in which a node must wait again [s].
-    """
+    """The nodes of one planner; `wall_limit` [s] is of wall time in which a node must wait again."""
 
     def __init__(self, wall_limit: float) -> None:
         self.wall_limit = wall_limit
@@ -249,9 +243,7 @@ class Graph:
     def tick(self, time: int, messages: Iterable[tuple[str, Any]]) -> None:
         """Go on to a time [ns], deliver messages, and let nodes do all that is due.
 
-        Raises:
-          NodeBlockedError, NodeError: see there.
-          BaseException: whatever a node raises.
+        Raises raises NodeError, and what a node raises.
         """
         while True:
             self.settle()
@@ -282,12 +274,9 @@ class Graph:
         raise NodeError(f"node {due[0].name!r} lets no simulated time pass: it is always ready to do something more")
 
     def pause(self, wake: int | None, ready: Callable[[], bool] = lambda: False, *, spinning: bool = False) -> None:
-        """Let the thread that runs wait for a simulated time [ns], or until it is ready.
+        """Let the thread that runs wait for a simulated time [ns], None: any, or until it is ready.
 
-        Args:
-          wake: the time; None: any.
-          ready: whether there is something to do.
-          spinning: whether it waits for callbacks only, and has nothing else to do.
+        `spinning`: it waits for callbacks only, and has nothing else to do.
         """
         process = self.current
         if process is None:

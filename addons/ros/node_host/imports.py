@@ -87,13 +87,9 @@ class Absent(ModuleType):
 class Imports:
     """The modules of one node.
 
-    Args:
-      node: its file.
-      graph: gets the paths of the files that are read.
-      definitions: of messages; the user's own `.msg` files are added.
-      modules: the stubs, by name.
-      overlays: of modules of Python, by name.
-      drawing: of modules that draw random numbers, by name, for files that name such.
+    The graph gets the paths of the files that are read, and `definitions` the user's own `.msg` files. `modules` are
+    the stubs by name, `overlays` modules of Python, and `drawing` those that draw random numbers, for files that name
+    such.
     """
 
     def __init__(
@@ -431,11 +427,9 @@ class Imports:
 
 
 class Services(StandIn):
-    """Services or actions of a package.
+    """Services or actions of a package, whose `parts_of` a name are its requests and responses.
 
-    Args:
-      name: of the module.
-      parts_of: returns the classes of requests and responses of a name, by part; empty where nothing defines it.
+    Raises empty: nothing defines it.
     """
 
     def __init__(self, name: str, parts_of: Callable[[str], Mapping[str, type]]) -> None:

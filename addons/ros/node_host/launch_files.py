@@ -61,12 +61,7 @@ class Launched:
 
 @dataclass
 class LaunchFiles:
-    """The launch files that one includes, and what they start.
-
-    Attributes:
-      nodes: in their order.
-      read: all launch files that were executed.
-    """
+    """The launch files that one includes, all `read`, and the `nodes` that they start, in their order."""
 
     first: Path
     said: str
@@ -91,7 +86,7 @@ class LaunchFiles:
     def include(self, path: Path, depth: int = 0) -> None:
         """Execute a launch file, and take what it starts.
 
-        Raises ControllerError: it cannot be executed, or a node depends on what is not here.
+        Raises ControllerError: it fails, or a node depends on what is not here.
         """
         if depth > _DEEPEST:
             raise ControllerError(f"{self.said}: launch files include each other more than {_DEEPEST} deep ({path})")
@@ -390,16 +385,9 @@ class LaunchFiles:
 def launched(path: Path, given: Mapping[str, Any], said: str, graph: Graph) -> LaunchFiles:
     """Execute a launch file in a thread of a graph, whose limit of wall time holds, and return what it starts.
 
-    Args:
-      path: of the file.
-      given: launch arguments, by name.
-      said: what names the file, for messages.
-      graph: is closed at the end.
-
-    Raises:
-      ControllerError: it fails, starts no node that is here, has no such argument, or a node depends on what is not
-        here.
-      NodeBlockedError: it does not come to its end.
+    `given` are launch arguments by name; the graph is closed at the end. Raises ControllerError: it fails, starts no
+    node that is here, has no such argument, or a node depends on what is not here; NodeBlockedError: it does not come
+    to its end.
     """
     found = LaunchFiles(path, said, {name: _as_text(value) for name, value in given.items()}, graph)
     graph.start(path.name, lambda: found.include(path))

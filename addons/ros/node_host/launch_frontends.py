@@ -90,12 +90,7 @@ class _Entity:
 
 
 def read_entities(path: Path, context: Context) -> Made:
-    """Return the launch description of a file in XML or YAML.
-
-    Raises:
-      ControllerError: an entity, an attribute or a substitution that is not known.
-      Exception: the parser's.
-    """
+    """Return the launch description of a file in XML or YAML; ControllerError: what is not known, or the parser's."""
     root = _of_xml(path) if path.suffix == ".xml" else _of_yaml(path)
     if root.kind != "launch":
         raise ControllerError(f"{path} begins with {root.kind!r}; accepted: launch")

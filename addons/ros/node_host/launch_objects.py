@@ -161,13 +161,9 @@ class _Module(ModuleType):
 
 
 class LaunchImports(Imports):
-    """The modules of launch files.
+    """The modules of launch files, executed in a graph, with the texts of substitutions in `context`.
 
-    Args:
-      path: of the first file.
-      graph: in which it is executed.
-      share: returns the share directory of a package, by its name; None where the package is not here.
-      context: has the texts of substitutions.
+    `share` returns the share directory of a package, by its name; None where the package is not here.
     """
 
     def __init__(self, path: Path, graph: Graph, share: Callable[[str], Path | None], context: Context) -> None:
@@ -270,12 +266,7 @@ def _yaml(found: Any) -> ModuleType:
 
 
 def executed(path: Path, imports: LaunchImports) -> Any:
-    """Execute a launch file, and return what its `generate_launch_description` returns.
-
-    Raises:
-      ControllerError: it has no such function.
-      Exception: whatever it raises.
-    """
+    """Execute a launch file, and return what its `generate_launch_description`, else ControllerError, returns."""
     module = imports.run(path, path.read_bytes(), path.stem)
     make = getattr(module, "generate_launch_description", None)
     if not callable(make):

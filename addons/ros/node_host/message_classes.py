@@ -86,10 +86,7 @@ SERVICE_PACKAGES = tuple({name.partition("/")[0] for name in _SERVICES})
 
 
 def require_rosbags() -> None:
-    """Make sure that messages can be made.
-
-    Raises MissingExtraError: the extra `ros` is not installed; the message has the command that installs it.
-    """
+    """Make sure that messages can be made; MissingExtraError: the extra `ros`, with the command that installs it."""
     if importlib.util.find_spec("rosbags") is None:
         raise missing_extra("ROS nodes need rosbags, for the definitions of messages", "ros")
 
@@ -204,10 +201,7 @@ class Definitions:
         return found
 
     def add_files(self, package: str, folder: Path) -> None:
-        """Read the `.msg` files of a folder as messages of a package.
-
-        Raises ControllerError: a file that cannot be read, or is no definition.
-        """
+        """Read the `.msg` files of a folder as messages of a package; ControllerError: one is no definition."""
         from rosbags.typesys import get_types_from_msg
 
         for path in sorted(folder.glob("*.msg")):
@@ -230,12 +224,8 @@ class Definitions:
     def parts(self, package: str, name: str, text: str | None = None, where: str = "") -> dict[str, type[Message]]:
         """Return the classes of a service's Request and Response, or of an action's Goal, Result and Feedback.
 
-        Args:
-          package, name: of the service.
-          text: its definition; None: that of ROS's own, of which none are returned where there is none here.
-          where: the definition stands, for messages.
-
-        Raises ControllerError: it is no definition.
+        Without a text the definition is that of ROS's own, and there are none where it is not here. `where` it stands
+        is for messages. Raises ControllerError: it is no definition.
         """
         from rosbags.typesys import get_types_from_msg
 
@@ -270,12 +260,7 @@ def _standard() -> dict[str, tuple[Any, Any]]:
 
 @cache
 def message_class(name: str) -> type[Message]:
-    """Return the class of a message of ROS, `package/msg/Name`.
-
-    Raises:
-      KeyError: it is not known.
-      MissingExtraError: the extra `ros` is not installed.
-    """
+    """Return the class of a message of ROS, `package/msg/Name`; KeyError: it is not known; MissingExtraError."""
     return _built(name, _standard()[name], message_class, {})
 
 

@@ -31,17 +31,10 @@ class Timer:
 class Session:
     """One node: what `ros2 run`, or one entry of a launch file, starts.
 
-    Args:
-      graph: that it is part of.
-      file: of the node.
-      given: parameters, by name, which differ from the node's own.
-      remaps: names of topics, as the node says them, and what they are here.
-      name: of the node; None: its own.
-      arguments: in its `sys.argv`, behind the file.
-      namespace: of the topics that it names without one; its own where there is none.
-      environment: variables that differ from those of this process.
-      undeclared: parameters that it need not have.
-      given_to: returns what is given to a node of a full name, where its program names it; None: `given` is.
+    `given` are parameters that differ from the node's own, `undeclared` those that it need not have, and `given_to`
+    returns what is given to a node of a full name, where its program names it. `remaps` are names of topics, as the
+    node says them, and what they are here; `name` and `namespace` differ from its own; `arguments` are in its
+    `sys.argv`, behind the file, and `environment` has variables that differ from those of this process.
     """
 
     graph: Graph

@@ -130,8 +130,7 @@ def _message_filters() -> ModuleType:
 def random_overlays(seed: int) -> dict[str, ModuleType]:
     """Return `random`, `numpy` and `numpy.random` as a node sees them that draws numbers without a seed of its own.
 
-    Their generators are the node's own and begin at a seed, so that other nodes and threads draw none of its numbers.
-    What a node seeds itself has the numbers that it has anywhere.
+    Their generators begin at a seed, and are the node's own. What it seeds itself has the numbers that it has anywhere.
     """
     plain, legacy = random.Random(seed), np.random.RandomState(seed)
     children = np.random.SeedSequence(seed)

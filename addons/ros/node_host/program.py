@@ -107,13 +107,7 @@ def _read_launch_of_ros(path: Path) -> Program:
 def start_launch_file(program: Program, given: Mapping[str, Any], said: str, graph: Graph) -> tuple[NodeFile, ...]:
     """Execute a launch file of ROS 2, and return the nodes that it starts; a graph gets the files that it reads.
 
-    Args:
-      program: of the file.
-      given: launch arguments, by name.
-      said: what names the file, for messages.
-      graph: in whose thread it is executed.
-
-    Raises ControllerError: it fails, or starts a node whose text the hash does not cover.
+    `given` are launch arguments. Raises ControllerError: it fails, or starts a node whose text the hash does not cover.
     """
     found = launched(program.path, given, said, graph)
     for file in (*found.read, *(each.path.resolve() for each in found.nodes)):
@@ -210,18 +204,12 @@ def _read_launch(path: Path, said: str) -> Program:
 
 
 def parameters_in(path: Path, node: str, said: str) -> dict[str, Any]:
-    """Return the parameters of a node in a file, see `read_parameters`.
-
-    Raises ControllerError: it cannot be read, or is no file of parameters.
-    """
+    """Return the parameters of a node in a file, see `read_parameters`; ControllerError: no file of parameters."""
     return read_parameters(path, read_node(path, said), node, said)
 
 
 def read_arguments(given: Any, said: str) -> tuple[str, ...]:
-    """Return the arguments of a node, which are given as a shell takes them, or as a list.
-
-    Raises ControllerError: they are neither.
-    """
+    """Return a node's arguments, given as a shell takes them, or as a list; else ControllerError."""
     if given is None:
         return ()
     if isinstance(given, list) and not any(isinstance(each, (list, dict)) for each in given):

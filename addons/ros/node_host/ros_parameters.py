@@ -79,15 +79,8 @@ def rcl_yaml(text: str | bytes, file: str = "") -> Any:
 def read_parameters(path: Path, text: bytes, node: str, said: str) -> dict[str, Any]:
     """Return the parameters of a node in a YAML file of ROS 2, `node: ros__parameters: ...`.
 
-    In names of nodes `*` stands for a name and `**` for any number of them. What stands under the node's own name
-    counts more than under such a pattern, and else what stands last.
-
-    Args:
-      path: of the file.
-      text: of the file.
-      node: name of the node behind its namespace; the entries of other nodes are left out; empty: of all.
-      said: what wants them, for messages.
-
+    In names of nodes `*` stands for a name and `**` for any number of them. What stands under the node's own name,
+    without its namespace, counts more than under such a pattern, and else what stands last; an empty name is any.
     Raises ControllerError: it cannot be read, or has no such entry.
     """
     if importlib.util.find_spec("yaml") is None:
@@ -151,12 +144,7 @@ class RosArguments:
 
 
 def read_ros_arguments(arguments: Sequence[str], node: str | None, said: str) -> RosArguments:
-    """Return what a node's arguments say.
-
-    Args:
-      arguments: of the node.
-      node: its name, for rules of the form `node:name:=value`; None: any.
-      said: what has them, for messages.
+    """Return what a node's arguments say, with rules of the form `node:name:=value` for its name; None: any.
 
     Raises ControllerError: an option of ROS without its value, or a rule of another form.
     """

@@ -320,10 +320,7 @@ def _said(graph: Graph, program: Program) -> str:
 
 
 def find_node(source: str) -> type[RosPlanner]:
-    """Return the class of planners of a program; nothing of it is executed.
-
-    Raises ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
-    """
+    """Return the class of planners of a program; nothing of it is executed. Errors as of `read_program`."""
     program = read_program(source)
     place = str(program.path)
     module = ModuleType(f"fg_mujoco_ros_{program.path.stem}_{zlib.crc32(place.encode()):08x}")

@@ -114,14 +114,9 @@ _OPPONENT = "opp_racecar"
 class Sensing:
     """Makes the messages of one planner's nodes.
 
-    Args:
-      graph: who listens.
-      car: whose LiDAR is ahead of the rear axle.
-      beams: of a scan, spread evenly over the LiDAR's angles, each with the nearest beam's range; None: the LiDAR's.
-
-    Attributes:
-      surroundings: the last known of the car; None: they are not known.
-      opponent: whether the nodes drive as the opponent of f1tenth_gym_ros does, by the names of that car.
+    The beams of a scan are spread evenly over the LiDAR's angles, each with the nearest beam's range; None: the
+    LiDAR's. `surroundings` are the last known of the car. `opponent`: the nodes drive as the opponent of
+    f1tenth_gym_ros does, by the names of that car.
     """
 
     def __init__(self, graph: Graph, car: CarParameters, beams: int | None = None) -> None:
@@ -508,13 +503,7 @@ _RACE_TOPICS = frozenset(
 
 
 class LapsSoFar:
-    """The laps and touches of a car, from when somebody listens to them.
-
-    Attributes:
-      times: of the laps driven [s].
-      touching: whether the car has touched something in the last tick.
-      touches: how often it has begun to.
-    """
+    """The laps driven (`times` [s]) and the touches of a car, from when somebody listens to them."""
 
     def __init__(self) -> None:
         self._timer: LapTimer | None = None

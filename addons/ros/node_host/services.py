@@ -19,12 +19,7 @@ Answer = Callable[[Any], Any]
 
 
 class Call:
-    """A request on its way to who answers it.
-
-    Args:
-      request: of the client.
-      done: is called with the response.
-    """
+    """A request on its way to who answers it; `done` is called with the response."""
 
     def __init__(self, request: Any, done: Callable[[Any], Any]) -> None:
         self.request, self.done = request, done

@@ -102,8 +102,8 @@ def unused_imports(tree: ast.Module) -> Unused:
 def own_files(node: Path, text: bytes) -> list[Path]:
     """Return the files of the user's own that a node's file imports, and those import, sorted; without its own.
 
-    They are where the node's import statements find them: in its folder, in its package, and in the other packages of
-    its workspace. A file that is no Python is left out: its import is reported when it is executed.
+    They are where the node's import statements find them, see `own_folders`, and in the other packages of its
+    workspace. A file that is no Python is left out: its import is reported when it is executed.
     """
     found: dict[Path, None] = {}
     folders, others = own_folders(node), module_folders(node)
@@ -124,10 +124,7 @@ def own_files(node: Path, text: bytes) -> list[Path]:
 
 
 def own_folders(node: Path) -> list[Path]:
-    """Return the folders in which a node's own modules are looked for.
-
-    These are its own, the one above the Python package that it is in, and that of the ROS package with its `src`.
-    """
+    """Return a node's own folder, the one above its Python package, and that of its ROS package with its `src`."""
     folder = node.resolve().parent
     top = folder
     while (top / "__init__.py").is_file():
@@ -182,13 +179,7 @@ def _imports(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
 
 
 def relocate_files(tree: ast.Module, node: Path, tell: Callable[[str, int], None]) -> None:
-    """Put the places of files of data that a node names, and that are elsewhere, into its tree.
-
-    Args:
-      tree: of the file.
-      node: its file.
-      tell: is called with what was said and is taken, and the line.
-    """
+    """Put the places of files of data that a node names, and that are elsewhere, into its tree, and `tell` of them."""
     for parent in ast.walk(tree):
         called = _called(parent)
         if isinstance(parent, (ast.BinOp, ast.JoinedStr)) or called in _JOINING or _writes(parent):

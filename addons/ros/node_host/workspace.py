@@ -65,11 +65,7 @@ def module_folders(file: Path) -> list[Path]:
 
 
 def executable(package: Path, name: str) -> tuple[Path, str] | None:
-    """Return the Python file of an executable of a package, and the function that is its entry point.
-
-    Returns:
-      None where there is no such file; an empty function where the file itself is what is installed.
-    """
+    """Return the Python file and entry point of an executable, empty: the file itself; None: there is no such file."""
     for said, module, function in _entry_points(package):
         if said == name:
             found = _module_file(package, module)
@@ -104,8 +100,7 @@ def _installed(text: str, name: str) -> Iterator[str]:
 def may_start(launch: Path) -> list[Path]:
     """Return the Python files that a launch file may execute or start, itself first.
 
-    These are those of its package, else of its folder, and of each package of its workspace that one of them names, or
-    a Python package of which.
+    They are those of its package, else folder, and of each package of its workspace that one of them names.
     """
     own, names, found = own_package(launch), packages(launch), {launch.resolve(): None}
     for folder in list(names.values()):

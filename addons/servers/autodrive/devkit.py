@@ -61,23 +61,13 @@ class Camera(Protocol):
 
 
 class DevKit:
-    """The connection to a DevKit, which drives one car.
+    """The connection to a DevKit at HOST:PORT, which drives one car.
 
-    Args:
-      address: host and port, such as "127.0.0.1:4567"; without a port, that of the league.
-      camera: takes its pictures.
-      real_time: a tick takes as long as on a car; else it waits for the answer.
-      patience: see PATIENCE.
-
-    Attributes:
-      address: as given.
-      collisions: of the car with walls, which whoever races it writes.
-      reset_asked: whether the DevKit has asked for the simulation to begin anew; one that keeps asking has asked once.
-
-    Raises:
-      SettingsError: an address that is none, or a patience that is no positive time.
-      EngineError: no DevKit answers there.
-      MissingExtraError: the extra `autodrive` is not installed.
+    In `real_time` a tick takes as long as on a car; else it waits for the answer, see PATIENCE. Whoever races the car
+    writes its `collisions`. `reset_asked`: the DevKit has asked for the simulation to begin anew; one that keeps asking
+    has asked once.
+    Raises SettingsError: no address, or a patience that is no positive time; EngineError: no DevKit answers there;
+    MissingExtraError: the extra `autodrive` is not installed.
     """
 
     def __init__(self, address: str, camera: Camera, *, real_time: bool = False, patience: float = PATIENCE) -> None:
@@ -121,9 +111,7 @@ class DevKit:
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
         """Tell the DevKit what the car senses, and return its command.
 
-        Raises:
-          ControllerError: it has not answered in time, or has gone.
-          MessageError: it has answered something else than commands.
+        Raises ControllerError: it has not answered in time, or has gone; MessageError: it has answered no commands.
         """
         self._turn_wheels(odometry)
         try:

@@ -64,16 +64,9 @@ def packet(
 ) -> dict[str, str]:
     """Return what the simulator tells of a car.
 
-    Args:
-      scan: of its LiDAR.
-      odometry: with the pose, which the simulator's positioning and IMU tell.
-      throttle: commanded last, -1 to 1.
-      encoders: how far its rear wheels have turned, left and right (2,) [rad].
-      laps: so far.
-      collisions: with walls so far.
-      image: of the front camera, a JPEG in base64.
-      vehicle: its number.
-      classic: for AutoDRIVE's own DevKits of 2021 to 2023, which read ranges as text, intensities, and encoder ticks.
+    `throttle`, -1 to 1, was commanded last, `encoders` (2,) [rad] are how far the rear wheels have turned, `image` is a
+    JPEG in base64. `classic` is for AutoDRIVE's own DevKits of 2021 to 2023, which read ranges as text, intensities,
+    and encoder ticks.
     """
     x, y, heading = odometry.pose.tolist()
     own = {
@@ -105,7 +98,7 @@ def packet(
 def read_answer(data: Any, vehicle: int = 1) -> Answer:
     """Return what a DevKit has answered; a command beyond -1 to 1 is clipped, as the simulator does.
 
-    Raises MessageError: it is no dictionary, lacks a command, or has one that is no number.
+    Raises or MessageError.
     """
     if not isinstance(data, Mapping):
         raise MessageError(f"the DevKit has answered {shown(data)}; accepted: a dictionary of commands")

@@ -36,14 +36,7 @@ _INTERVALS = 10, 3_600_000  # [ms] between two pings, at least and at most
 
 
 class Client:
-    """An open connection. A thread of its own reads, answers pings and sends them, so that it outlives long pauses.
-
-    Args:
-      socket: of `websockets.sync.client`.
-      revision: of Engine.IO.
-      where: host and port, for messages.
-      event: name of the event that is sent and received.
-    """
+    """An open connection. A thread of its own reads, answers pings and sends them, so that it outlives long pauses."""
 
     def __init__(self, socket: Any, revision: int, where: str, event: str) -> None:
         self.where, self._socket, self._revision, self._event = where, socket, revision, event
@@ -59,14 +52,9 @@ class Client:
         self._write(_MESSAGE + _EVENT + json.dumps([self._event, data], separators=(",", ":")))
 
     def receive(self, timeout: float) -> list[Any]:
-        """Return the data of the events that have come since the last call, the newest last, at most 16 of them.
+        """Return the data of the events since the last call, the newest last, at most 16; `timeout` [s].
 
-        Args:
-          timeout: for which to wait for one, if there is none [s].
-
-        Raises:
-          TimeoutError: there was none.
-          EngineError: the connection is closed.
+        Raises TimeoutError: there was none; EngineError: the connection is closed.
         """
         with self._changed:
             if not self._changed.wait_for(lambda: self._waiting or self._lost, timeout):
@@ -170,15 +158,9 @@ class Client:
 
 
 def open_client(host: str, port: int, event: str) -> Client:
-    """Return a new connection to a server of Socket.IO.
+    """Return a new connection to a server of Socket.IO, which sends and receives one event.
 
-    Args:
-      host, port: where it listens.
-      event: name of the event that is sent and received.
-
-    Raises:
-      EngineError: nobody listens there, or somebody who does not speak it.
-      MissingExtraError: the extra `autodrive` is not installed.
+    Raises EngineError: nobody listens there, or somebody who does not speak it; MissingExtraError.
     """
     try:
         from websockets.exceptions import InvalidHandshake

@@ -26,14 +26,7 @@ _BYTES = ("byte", "char", "octet")  # one byte each in ROS
 
 
 def known_kind(name: str, accepted: Sequence[str]) -> str:
-    """Return `package/msg/Name` of a type that a user names, with or without `msg`.
-
-    Args:
-      name: of the type.
-      accepted: types, for the message.
-
-    Raises SettingsError: a type that is not known.
-    """
+    """Return `package/msg/Name` of an accepted type that a user names, with or without `msg`; or SettingsError."""
     known = type_store().fielddefs
     kind = full_name(name) if name.count("/") in (1, 2) else name
     if kind not in known:
@@ -68,12 +61,7 @@ def _sequences(kind: str) -> tuple[tuple[str, str], ...]:
 
 @cache
 def dds_type(kind: str, distribution: str = "") -> Any:
-    """Return the class of a type's samples.
-
-    Args:
-      kind: `package/msg/Name`.
-      distribution: of ROS 2, whose definitions count.
-    """
+    """Return the class of samples of a type `package/msg/Name`, as a distribution of ROS 2 defines it."""
     from cyclonedds.idl import make_idl_struct
 
     fields = {name: _field(said, distribution) for name, said in type_store(distribution).fielddefs[kind][1]}

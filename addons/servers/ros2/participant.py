@@ -52,10 +52,7 @@ _NS = 1_000_000_000
 
 
 def require_cyclonedds() -> None:
-    """Make sure that there is a middleware.
-
-    Raises MissingExtraError: the extra `ros2` is not installed; the message has the command that installs it.
-    """
+    """Make sure that there is a middleware; MissingExtraError: with the command that installs the extra `ros2`."""
     if any(importlib.util.find_spec(name) is None for name in ("cyclonedds", "mcap", "rosbags", "scipy")):
         raise missing_extra("a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy", "ros2")
 
@@ -88,22 +85,13 @@ class _Reader:
 class Participant:
     """A node on a domain.
 
-    Args:
-      name: of the node.
-      namespace: that its topics and the node are in, such as /car_1; those of tf and the clock are in none.
-      domain: its number; None: that of ROS_DOMAIN_ID, else 0.
-      host: address of the network interface; None: 127.0.0.1, this machine alone, unless CYCLONEDDS_URI is set.
-      peers: addresses of machines to look for participants on, where multicast does not reach them.
-      distribution: of ROS 2, whose nodes are on the other side: one that rosbags knows, from foxy on. From iron on
-        a node's ids are shorter, and types have hashes.
-      log: takes lines that say what cannot match.
-
-    Attributes:
-      domain: number of the domain.
-
-    Raises:
-      MissingExtraError: the extra `ros2` is not installed.
-      SettingsError: a domain, a name or an address that cannot be.
+    Its topics and the node are in `namespace`, those of tf and the clock in none. `domain` None is that of
+    ROS_DOMAIN_ID, else 0; `host` None is 127.0.0.1, this machine alone, unless CYCLONEDDS_URI is set; `peers` are
+    addresses of machines to look for participants on, where multicast does not reach them. `distribution` is that of
+    the nodes on the other side, one that rosbags knows, from foxy on: from iron on a node's ids are shorter, and types
+    have hashes. `log` takes lines that say what cannot match.
+    Raises MissingExtraError: the extra `ros2` is not installed; SettingsError: a domain, a name or an address that
+    cannot be.
     """
 
     def __init__(

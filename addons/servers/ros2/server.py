@@ -49,21 +49,13 @@ _MOST_LATE = 4.0  # ticks that are made up for, where the machine was too slow
 
 
 class Ros2Server:
-    """Serves a session as a node of ROS 2.
+    """Serves a session as a node of ROS 2; `url` is the domain and the node, as text.
 
-    Args:
-      session: to be driven on.
-      step_on_drive: a tick is driven for each command, and time stands still between them.
-      types: type of commands by topic, `package/msg/Name`, where it is another than usual, or another topic.
-      log: takes lines that say what was refused, at most one a second; None: nobody does.
-      **participant: settings of the Participant: namespace, domain, host, peers, distribution.
-
-    Attributes:
-      url: the domain and the node, as text.
-
-    Raises:
-      MissingExtraError: the extra `ros2` is not installed.
-      SettingsError: a setting that cannot be, or a domain with another simulator of these topics.
+    With `step_on_drive` a tick is driven for each command, and time stands still between them. `types` are those of
+    commands by topic, `package/msg/Name`, where it is another than usual, or another topic. `log` takes lines that say
+    what was refused, at most one a second. Further settings are those of the Participant.
+    Raises MissingExtraError: the extra `ros2` is not installed; SettingsError: a setting that cannot be, or a domain
+    with another simulator of these topics.
     """
 
     def __init__(
