@@ -38,12 +38,9 @@ _SLOPE = 0.6  # of a step: greatest motion across it
 
 @kernel
 def ground_points(geometry: Record, ranges: FloatArray, points: FloatArray) -> int:
-    """Write where beams end, ahead and left of the LiDAR, and points between those that are apart; return how many.
+    """Write where beams end, ahead and left of the LiDAR, and points between those apart, (k, 2) [m]; return how many.
 
-    Args:
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings (n,) [m], without NaN or inf.
-      points: (MOST_POINTS, 2) [m], written to.
+    `ranges` (n,) [m] are without NaN or inf.
     """
     count, last_x, last_y = 0, math.nan, math.nan
     for beam in range(0, len(ranges), _EVERY):
@@ -81,15 +78,11 @@ def room_beside(points: FloatArray, count: int, x: float, y: float, heading: flo
 
 @kernel
 def walk(points: FloatArray, count: int, x: float, y: float, heading: float, path: FloatArray) -> int:
-    """Write a walk from a place [m] in the direction of a heading [rad]; return how many places it has.
+    """Write a walk from a place (x, y) [m] from the LiDAR in the direction of a heading [rad].
 
-    Args:
-      points: of `ground_points`.
-      count: how many of them there are.
-      x: of where it begins, ahead of the LiDAR.
-      y: the same, to the left.
-      heading: of the course there, from that of the LiDAR.
-      path: (k, 5), written to: place, heading, and the room to both sides [m]; the first row is where it begins.
+    Raises return how many places it has.
+    `path` (k, 5) gets place, heading, and the room to both sides [m]; the first row is where it begins. `count` is that
+    of `ground_points`.
     """
     left, right = room_beside(points, count, x, y, heading)
     share = left / max(left + right, 1e-6)

@@ -88,15 +88,8 @@ def plan_steering(
 
     The speed is inf where the plan stays in the room beside the line. Else the car slows: its wheels then turn in less
     distance, and its tires hold a sharper curve. It slows by at most 0.2 m/s at a time, as the friction limiter takes
-    grip from the cornering of a car that is far too fast. Without a plan the speed is 0.
-
-    Args:
-      line: as of line_profile.line_table.
-      nearest: its point that is nearest to the rear axle.
-      odometry: of type ODOMETRY.
-      driver: of type driving.DRIVER.
-      period: until the next tick [s].
-      mpc: of type MPC, written to.
+    grip from the cornering of a car that is far too fast. Without a plan the speed is 0. `nearest` is the line's point
+    that is nearest to the rear axle, `mpc` is written to.
     """
     car, slip = driver.car, driver.limiter.slip
     now = min(abs(odometry.speed), car.max_speed)
@@ -188,9 +181,8 @@ def _look_ahead(
 ) -> tuple[float, float]:
     """Return the car's distance from the line [m] and angle to it [rad], and write what is ahead (STEPS + 1, 6).
 
-    That is in each step the speed [m/s], by how much the line turns until the next [rad], its curvature [1/m] and the
-    steering angle for it [rad], both within the lock, and how far the car may be to the right (negative) and to the
-    left of the line [m].
+    In each step: the speed [m/s], by how much the line turns until the next [rad], its curvature [1/m] and the steering
+    angle for it [rad], both within the lock, and how far the car may be to the right (negative) and to the left [m].
     """
     car, slip, step = driver.car, driver.limiter.slip, line[0, STEP]
     x, y, heading, _ = begin

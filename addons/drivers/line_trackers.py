@@ -92,16 +92,9 @@ def lqr_feedback(aside: float, angle: float, length: float) -> float:
 def lqr_steering(
     line: FloatArray, nearest: int, x: float, y: float, heading: float, speed: float, car: Record
 ) -> float:
-    """Return the steering angle [rad] of the regulator, with the line's curvature ahead.
+    """Return the steering angle [rad] of the regulator, with the line's curvature ahead of its nearest point.
 
-    Args:
-      line: as of line_profile.line_table.
-      nearest: its point that is nearest to the rear axle.
-      x: of the rear axle [m].
-      y: of the rear axle [m].
-      heading: of the car [rad].
-      speed: of the car, from 0 [m/s].
-      car: of type CAR_RECORD.
+    The rear axle is at (x, y) [m], the heading [rad] and the speed [m/s], from 0, are the car's.
     """
     aside, angle = errors_at(line, nearest, x, y, heading)
     late = LAG + late_by(car)
@@ -116,14 +109,8 @@ def map_steering(
 ) -> float:
     """Return the steering angle [rad] of the model- and acceleration-based pursuit of a goal, see above.
 
-    Args:
-      line: as of line_profile.line_table.
-      nearest: its point that is nearest to the rear axle.
-      bearing: of the goal from the rear axle [rad].
-      distance: of the goal [m].
-      speed: of the car, from 0 [m/s].
-      car: of type CAR_RECORD.
-      slip: of type SLIP.
+    The goal's bearing [rad] and distance [m] are from the rear axle, `nearest` is the line's point there; speed [m/s],
+    from 0.
     """
     if not slip.needs_slip_angle:
         return pursue(bearing, distance, 0.0, car.wheelbase)

@@ -59,20 +59,12 @@ def solve_program(
     states: FloatArray,
     most: int,
 ) -> int:
-    """Write the solution, and return after how many steps it converged; 0: it did not, or it is not finite.
+    """Write the solution, and return after how many of at most `most` steps it converged; 0: not, or it is not finite.
 
-    Args:
-      a: of the system, (n, states, states).
-      b: the same for its input, (n, states).
-      c: the known disturbance, (n, states).
-      weights: of the squared states, from 0, (n + 1, states).
-      effort: weights of the squared inputs, above 0, (n,).
-      coupling: how many times the last entry is added to the input, (n,).
-      limits: see LOW, (3, n, 4); the bounds are finite, and apart.
-      start: the first state, (states,).
-      inputs: written to, (n,).
-      states: written to, (n + 1, states).
-      most: greatest number of steps.
+    The system is `a` (n, states, states), `b` (n, states) for its input, and the known disturbance `c` (n, states).
+    `weights` of the squared states, from 0, are (n + 1, states), `effort` of the squared inputs, above 0, (n,). The
+    last entry is added to the input `coupling` (n,) times. `limits` (3, n, 4), see LOW, are finite, and apart. `inputs`
+    (n,) and `states` (n + 1, states) are written to.
     """
     count, size = b.shape
     gains, pivots, carried = np.empty((count, size)), np.empty(count), np.empty((count, size))

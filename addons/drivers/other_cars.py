@@ -102,14 +102,9 @@ OTHER_CARS = np.dtype(
 
 @kernel
 def watch_cars(memory: Record, geometry: Record, ranges: FloatArray, odometry: Record, lidar_offset: float) -> bool:
-    """Follow what is in a scan, and say whether there is a car.
+    """Follow what is in a scan, and say whether there is a car; `memory`, OTHER_CARS, is written to.
 
-    Args:
-      memory: of type OTHER_CARS, written to.
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings (n,) [m], without NaN or inf.
-      odometry: of type ODOMETRY.
-      lidar_offset: of the LiDAR ahead of the rear axle [m].
+    `ranges` (n,) [m] are without NaN or inf; the LiDAR is `lidar_offset` [m] ahead of the rear axle.
     """
     period = period_of(geometry)
     if not _move(memory, odometry, period, lidar_offset):
@@ -171,14 +166,8 @@ def follow_told(
 
     They are where they go from where they were, when that was measured, at a constant speed and turn rate. One counts
     if a beam reaches it, and for _FORGOTTEN after; beside or behind, where no beam goes, for as long as it is near.
-
-    Args:
-      memory: of type OTHER_CARS, written to.
-      told: of type TOLD, written to.
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings (n,) [m], without NaN or inf.
-      odometry: of type ODOMETRY, with a pose on the map.
-      car: parameters of the planner's car, which the others are taken to have.
+    `ranges` (n,) [m] are without NaN or inf, the odometry has a pose on the map; the others have the parameters of
+    `car`.
     """
     period, age = period_of(geometry), odometry.stamp - told.stamp
     if not _move(memory, odometry, period, car.lidar_offset):
@@ -242,13 +231,9 @@ def _free_place(memory: Record) -> int:
 
 @kernel
 def find_boxes(geometry: Record, ranges: FloatArray, noise: float, found: FloatArray) -> int:
-    """Write where the middles of what may be boxes are, ahead and left of the LiDAR [m]; return how many.
+    """Write where the middles of what may be boxes are, ahead and left of the LiDAR (k, 2) [m]; return how many.
 
-    Args:
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings (n,) [m], without NaN or inf.
-      noise: their standard deviation [m].
-      found: (k, 2), written to.
+    `ranges` (n,) [m] are without NaN or inf, `noise` [m] is their standard deviation.
     """
     edge = max(_EDGE, _CUT * math.sqrt(2.0) * noise)
     count, first, before = 0, 0, -math.inf  # the run that has not ended, and the step that it began with

@@ -139,14 +139,9 @@ class Overtaker(GapFinder):
 
 @kernel
 def draw_standing(memory: Record, geometry: Record, ranges: FloatArray, parameters: Record, margin: float) -> None:
-    """Shorten beams (n,) [m] to what stands and may be a car, once cars have been met: a box is less than all of it.
+    """Shorten beams (n,) [m] to what stands and may be a car, once cars have been `met`: a box is less than all of it.
 
-    Args:
-      memory: of type RACING, whose `met` is written to.
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings, written to.
-      parameters: of a car.
-      margin: round a car whose heading is known [m].
+    `margin` [m] is round a car whose heading is known.
     """
     seen = memory.seen
     for car in seen.cars:
@@ -163,12 +158,7 @@ def draw_standing(memory: Record, geometry: Record, ranges: FloatArray, paramete
 
 @kernel
 def leave_cars_out(memory: Record, predictions: Record) -> bool:
-    """Predict what crosses the car's way and is no part of what may be a car; return whether there is something.
-
-    Args:
-      memory: of type OTHER_CARS.
-      predictions: of type PREDICTIONS, written to.
-    """
+    """Predict what crosses the car's way and is no part of what may be a car; return whether there is something."""
     seen = predictions.targets
     cos, sin = math.cos(seen.heading), math.sin(seen.heading)
     for target in seen.targets:

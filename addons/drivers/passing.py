@@ -68,12 +68,7 @@ RACING = np.dtype([("seen", OTHER_CARS), ("told", TOLD), ("met", np.bool_), ("pa
 def choose(memory: Record, geometry: Record, without: FloatArray, car: Record, settings: Record) -> float:
     """Decide for each car in sight whether to follow or to pass it; return the greatest speed [m/s], inf: any.
 
-    Args:
-      memory: of type RACING, written to.
-      geometry: of type SCAN_GEOMETRY.
-      without: readings (n,) [m] without cars.
-      car: parameters of the planner's car, which the others are taken to have.
-      settings: fields of OvertakerSettings.
+    `without` (n,) [m] are readings without cars; the others have the parameters of `car`.
     """
     points, limit = np.empty((MOST_POINTS, 2)), math.inf
     count = ground_points(geometry, without, points)
@@ -223,13 +218,6 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
     The lane is the way of the other car, moved aside: as far as the wall there allows, at least to the middle of the
     room, and no farther than `aside` from side to side. The motion leads to it by pure pursuit, with a share of the
     grip.
-
-    Args:
-      memory: of type RACING.
-      own_speed: of the planner's car [m/s].
-      driver: of type driving.DRIVER.
-      settings: fields of OvertakerSettings.
-      reference: of type driving.REFERENCE, written to.
     """
     nearest, least, car = -1, math.inf, driver.car
     for k in range(MOST_CARS):

@@ -43,15 +43,9 @@ STATES = 5
 def axle_loads(
     acceleration: float, front: float, rear: float, height: float, mass: float, gravity: float
 ) -> tuple[float, float]:
-    """Return the loads of the front and the rear axle [N] at a forward acceleration [m/s^2].
+    """Return the loads of the front and the rear axle [N]; a forward acceleration [m/s^2] moves load between them.
 
-    Args:
-      acceleration: forward [m/s^2]; it moves load between the axles.
-      front: distance from the centre of gravity to the front axle [m].
-      rear: the same to the rear axle [m].
-      height: of the centre of gravity [m].
-      mass: [kg].
-      gravity: [m/s^2].
+    `front` and `rear` [m] are from the centre of gravity, at a height [m], to the axles; mass [kg], gravity [m/s^2].
     """
     moved, length = acceleration * height, front + rear
     return mass * (gravity * rear - moved) / length, mass * (gravity * front + moved) / length
@@ -65,21 +59,10 @@ def linear_rates(
 ) -> tuple[float, float]:  # fmt: skip
     """Return how fast yaw rate [rad/s^2] and slip angle [rad/s] of a car on linear axles change.
 
-    Args:
-      yaw_rate: [rad/s].
-      slip_angle: [rad], from the heading to the velocity of the centre of gravity, left positive.
-      steering: [rad].
-      speed: of the centre of gravity [m/s].
-      acceleration: along the velocity [m/s^2]; it moves load between the axles.
-      mu: [-].
-      front_stiffness: side force over mu times load times slip angle [1/rad].
-      rear_stiffness: the same.
-      front: distance from the centre of gravity to the front axle [m].
-      rear: the same to the rear axle [m].
-      height: of the centre of gravity [m].
-      mass: [kg].
-      yaw_inertia: [kg m^2].
-      gravity: [m/s^2].
+    The slip angle [rad] is from the heading to the velocity of the centre of gravity, left positive; speed [m/s] and
+    acceleration [m/s^2] are along that velocity. Stiffnesses are the side force over mu times load times slip angle
+    [1/rad]. `front` and `rear` [m] are from the centre of gravity, at a height [m], to the axles. Yaw rate [rad/s],
+    steering [rad], mass [kg], yaw inertia [kg m^2], gravity [m/s^2].
     """
     front_load, rear_load = axle_loads(acceleration, front, rear, height, mass, gravity)
     front_force = mu * front_stiffness * front_load * (steering - slip_angle - front * yaw_rate / speed)
@@ -138,7 +121,7 @@ def _secant(slip: float, ratio: float, stiffness: float, c: float, d: float, e: 
 
 @inlined
 def _across(slip: float, load: float, drive: float, stiffness: float, c: float, d: float, e: float) -> float:
-    """Return the lateral force of a tire [N] at a slip angle [rad], while it drives by a force along its heading [N].
+    """Return the lateral force of a tire [N] at a slip angle [rad], driven by a force along its heading [N].
 
     By similarity: the curve gives the force at the size of the vector of slip ratio and slip angle. The slip ratio is
     the one with that drive; where there is none, the tire spins, at a slip ratio of 1.
@@ -227,19 +210,11 @@ def simulate(
 ) -> None:  # fmt: skip
     """Simulate segments of a drive on its grid, each from its own state, by Heun's method in two parts of each step.
 
-    Args:
-      tires: (8,) of TIRE, front and rear.
-      car: of `car_array`.
-      relaxation_length: over which the slip angles follow [m]; 0: they follow at once.
-      gain: reading of an accelerometer over the lateral acceleration, in a steady turn [-].
-      steering: (n,) [rad] of the front wheels.
-      forward_speed: (n,) [m/s] as measured.
-      forward_acceleration: (n,) [m/s^2] as measured.
-      step: of the grid [s].
-      segments: (m, 2) first node and the one behind the last.
-      starts: (m, STATES).
-      out: (n, STATES + 1), written to: the states and what the accelerometer reads across the car [m/s^2].
-
+    `tires` (8,) are TIRE, front and rear, `car` is of `car_array`. Slip angles follow over `relaxation_length` [m], 0
+    at once; `gain` is the reading of an accelerometer over the lateral acceleration in a steady turn. Steering of the
+    front wheels [rad], measured forward speed [m/s] and acceleration [m/s^2] are (n,), `step` [s] is of the grid.
+    `segments` (m, 2) are the first node and the one behind the last, `starts` (m, STATES). Written are into `out` (n,
+    STATES + 1) the states and what the accelerometer reads across the car [m/s^2].
     A car that rolls by phi reads g phi, too, and its wheels move out from under its centre of gravity by h phi', as if
     its tires relaxed over a longer way. In a steady turn phi is a_y (gain - 1) / g. It follows with a time constant,
     the damping over the stiffness of a suspension that is damped by half of critical, as that of our cars is. Where

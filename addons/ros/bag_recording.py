@@ -234,11 +234,7 @@ class Recording:
         return {topic for topic in self.counts if topic[0] == TRANSFORMS}
 
     def mounting_frames(self, *, static: bool = True) -> FrameTree:
-        """Return the frames as they were first heard: how the sensors sit on the car.
-
-        Args:
-          static: whether those of /tf_static count, too.
-        """
+        """Return the frames as they were first heard, of /tf_static, too: how the sensors sit on the car."""
         frames = FrameTree()
         fixed = {topic for topic in self.transform_topics if topic[1].endswith("tf_static")}
         for topics, most in ((self.transform_topics - fixed, FIRST_TRANSFORMS), (fixed if static else (), None)):

@@ -157,16 +157,7 @@ def tick_columns(run: RecordedRun) -> dict[str, FloatArray]:
 
 
 def limit_speed(steering_angle: FloatArray, car: CarParameters, mu: float) -> FloatArray:
-    """Return the law's greatest speed at a steering angle, sqrt(g mu b / tan|steering|), at most SPEED_FAR_ABOVE.
-
-    Args:
-      steering_angle: (n,) [rad].
-      car: its wheelbase b [m] and gravity g [m/s^2].
-      mu: friction coefficient of the tires [-].
-
-    Returns:
-      (n,) [m/s].
-    """
+    """Return the greatest speed [m/s] at angles (n,) [rad], sqrt(g mu b / tan|angle|), at most SPEED_FAR_ABOVE."""
     grip = car.gravity * mu * car.wheelbase
     least = grip / SPEED_FAR_ABOVE**2  # of the tangent, for which the limit is just that
     limit: FloatArray = np.sqrt(grip / np.maximum(np.tan(np.abs(steering_angle)), least))

@@ -1,8 +1,8 @@
 """The page of a validation: overlays of recordings and model, and residuals over speed and steering.
 
-Cross plots of steady states over the lateral acceleration are laid out as ISO 19364:2016 describes for passenger cars:
-the simulation defines boundaries, and the measurements are laid over them. Overlays over time are in the manner of ISO
-22140:2021. The widths of the bands are ours (BANDS): the tables of the standards are not public.
+Cross plots of steady states are laid out as ISO 19364:2016 describes for passenger cars: the simulation defines
+boundaries, and the measurements are laid over them. Overlays over time are in the manner of ISO 22140:2021. The widths
+of the bands are ours (BANDS): the tables of the standards are not public.
 """
 
 from __future__ import annotations

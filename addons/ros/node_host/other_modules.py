@@ -162,12 +162,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
 
 
 def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, ModuleType]:
-    """Return modules of Python as a node sees them: `time` is simulated, threads take turns, arguments are the node's.
-
-    Args:
-      session: of the node.
-      sleep: waits for so many simulated seconds.
-    """
+    """Return modules of Python as a node sees them: `time` is simulated, threads take turns, arguments are its own."""
     graph = session.graph
 
     class Thread(threading.Thread):
