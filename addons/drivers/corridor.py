@@ -78,11 +78,9 @@ def room_beside(points: FloatArray, count: int, x: float, y: float, heading: flo
 
 @kernel
 def walk(points: FloatArray, count: int, x: float, y: float, heading: float, path: FloatArray) -> int:
-    """Write a walk from a place (x, y) [m] from the LiDAR in the direction of a heading [rad].
+    """Write a walk from a place (x, y) [m] in the direction of a heading [rad] seen from the LiDAR; return its places.
 
-    Raises return how many places it has.
-    `path` (k, 5) gets place, heading, and the room to both sides [m]; the first row is where it begins. `count` is that
-    of `ground_points`.
+    `path` (k, 5) gets place, heading, and the room to both sides [m]; the first row is where it begins.
     """
     left, right = room_beside(points, count, x, y, heading)
     share = left / max(left + right, 1e-6)

@@ -319,11 +319,11 @@ def _bound(
     coupling: FloatArray,
     limits: FloatArray,
 ) -> None:
-    """Write the bounds of the program, less what the line has.
+    """Write the bounds, less what the line has.
 
-    The friction limiter's steering rate is in proportion to the lateral acceleration that is left, and so linear in the
-    steering angle: a bound of u + coupling d, see friction_limiter.steering_rate. `per_angle` is the rate of the wheels
-    over the angle from them to the command, in the mean of a tick [1/s].
+    The friction limiter's steering rate is linear in the steering angle, u + coupling d
+    (friction_limiter.steering_rate). `per_angle` is the rate of the wheels over the angle from them to the command, in
+    the mean of a tick [1/s].
     """
     car, limiter = driver.car, driver.limiter
     last = weights.shape[1] - 1

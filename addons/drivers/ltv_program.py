@@ -133,10 +133,7 @@ def _factor(
     pivots: FloatArray,
     carried: FloatArray,
 ) -> None:
-    """Write the feedback gains (n, states), the curvature of the cost in each input (n,), and P c (n, states).
-
-    P is the cost to go of Riccati's recursion, after the step. `added` (n, 4) are weights of what is bounded.
-    """
+    """Write the feedback gains (n, states), the cost's curvature in inputs (n,), and P c (n, states), P Riccati's."""
     count, size = b.shape
     p, pa, pb = np.zeros((size, size)), np.empty((size, size)), np.empty(size)
     for i in range(size):
@@ -187,11 +184,7 @@ def _solve(
     inputs: FloatArray,
     states: FloatArray,
 ) -> None:
-    """Write inputs and states of least cost without bounds, with a slope (n, 4) of the cost in what is bounded.
-
-    `forward` (n,) and `slopes` (2, states) are room to work in: what is added to the feedback, and the slope of the
-    cost to go.
-    """
+    """Write inputs and states of least cost without bounds, with a slope (n, 4) of the cost in what is bounded."""
     count, size = b.shape
     after, before = slopes[0], slopes[1]
     after[:] = 0.0
@@ -239,10 +232,7 @@ def _begin(
     slacks: FloatArray,
     forces: FloatArray,
 ) -> float:
-    """Write the first slacks and multipliers, and return the mean of their products.
-
-    A multiplier is the slack times the weight of its value, so that a bound counts at first as much as the cost.
-    """
+    """Write the first slacks, and multipliers, slacks times weights; return the mean of their products."""
     count, last, gap = len(values), weights.shape[1] - 1, 0.0
     for k in range(count):
         for j in range(_BOUNDED):
@@ -266,10 +256,7 @@ def _stiffen(
     added: FloatArray,
     slope: FloatArray,
 ) -> None:
-    """Write what the bounds add to the weights of the values, and the slope of the cost there, (n, 4) both.
-
-    `centred` (2, n, 4) is what the products of slacks and multipliers are to be.
-    """
+    """Write what the bounds, centred (2, n, 4), add to the values' weights and to the slope of the cost, (n, 4)."""
     for k in range(len(values)):
         for j in range(_BOUNDED):
             value = values[k, j]

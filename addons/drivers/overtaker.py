@@ -226,16 +226,7 @@ def _seen_from(memory: Record, x: float, y: float) -> tuple[float, float]:
 def draw_cars(
     memory: Record, geometry: Record, ranges: FloatArray, own_speed: float, car: Record, settings: Record
 ) -> None:
-    """Shorten beams (n,) [m] to the cars that are passed, where the planner's car could meet them.
-
-    Args:
-      memory: of type RACING.
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings without cars, written to.
-      own_speed: of the planner's car [m/s].
-      car: its parameters, which the others are taken to have.
-      settings: fields of OvertakerSettings.
-    """
+    """Shorten beams (n,) [m] to the cars that are passed, where the planner's car, at its speed, could meet them."""
     for k in range(MOST_CARS):
         other, passing = memory.seen.cars[k], memory.passing[k]
         if passing.places == 0 or passing.what == FOLLOWS:

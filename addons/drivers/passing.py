@@ -171,14 +171,7 @@ def _speed_beside(passing: Record, gap: float, car: Record, settings: Record) ->
 
 @kernel
 def predict_cars(memory: Record, car: Record, braking: float, predictions: Record) -> None:
-    """Add the cars that are ahead or beside to the predictions: three discs each, which follow the course.
-
-    Args:
-      memory: of type RACING.
-      car: parameters of the others.
-      braking: of theirs [m/s^2].
-      predictions: of type PREDICTIONS, written to.
-    """
+    """Add the cars ahead or beside, braking by [m/s^2], to the predictions: three discs each, along the course."""
     for k in range(MOST_CARS):
         other, passing = memory.seen.cars[k], memory.passing[k]
         if passing.places == 0 or passing.along < -0.25 * car.length:

@@ -1,7 +1,5 @@
 """The configuration objects of the later releases of f1tenth_gym, `EnvConfig` and its parts, and what `config` is.
 
-    env = gym.make("f1tenth_gym:f1tenth-v0", config=EnvConfig(map_name="Spielberg", num_agents=1))
-
 Written afresh from their interface.
 """
 
@@ -157,8 +155,7 @@ get_f1tenth_vehicle_parameters, get_f1fifth_vehicle_parameters, get_fullscale_ve
 class Settings:
     """Settings by name, each with a default.
 
-    Raises ArgumentError for a setting that is not here, SettingsError for another value of one that has its default
-    only.
+    Raises ArgumentError: none of these, SettingsError: one that has its default only.
     """
 
     defaults: Mapping[str, Any] = {}
@@ -240,10 +237,7 @@ class LiDARConfig(Settings):
 
     @property
     def ahead(self) -> float | None:
-        """Of the rear axle [m]; None: where the vehicle has its LiDAR.
-
-        SettingsError: one that is turned, or to a side.
-        """
+        """Of the rear axle [m]; None: as on the vehicle. SettingsError: one that is turned, or to a side."""
         x, *others = vars(self)["base_link_to_lidar_tf"]
         if any(others):
             accepted = "a distance ahead [m], 0.0, 0.0"
@@ -312,10 +306,7 @@ class TerminationConfig(Settings):
 
 
 class RewardConfig(Settings):
-    """Reward of a step: its duration; a weighted sum of metres, speed and duration, less collisions; or a function.
-
-    Raises SettingsError: another mode, a weight that is no number, or no function where one is needed.
-    """
+    """Reward of a step: its duration, a weighted sum of metres, speed and duration, less collisions, or a function."""
 
     defaults = {  # noqa: RUF012
         "mode": RewardMode.SURVIVAL, "progress_weight": 1.0, "velocity_weight": 0.0, "timestep_weight": 0.0,

@@ -47,10 +47,7 @@ def vehicle_dynamics_ks(
     I: float, s_min: float, s_max: float, sv_min: float, sv_max: float, v_switch: float, a_max: float, v_min: float,
     v_max: float,
 ) -> FloatArray:  # fmt: skip
-    """Return the rate of change of a kinematic single-track car: x, y, steering angle, speed, heading. Shape (5,).
-
-    `u_init` are steering rate [rad/s] and acceleration [m/s^2].
-    """
+    """Return a kinematic car's rate of change of x, y, steering, speed, heading (5,), by `u_init` [rad/s, m/s^2]."""
     rate = steering_constraint(x[2], u_init[0], s_min, s_max, sv_min, sv_max)
     acceleration = accl_constraints(x[3], u_init[1], v_switch, a_max, v_min, v_max)
     f = np.empty(5)

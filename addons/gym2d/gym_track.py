@@ -1,8 +1,5 @@
 """`env.track` of f1tenth_gym v1.0: the map, its centreline and its raceline, as planners read them.
 
-    track.raceline.xs, track.raceline.vxs, track.raceline.spline.calc_position(3.0)
-    track.cartesian_to_frenet(x, y, heading), track.frenet_to_cartesian(s, offset, heading)
-
 The lines are those of the files in the map's folder, `NAME_centerline.csv` and `NAME_raceline.csv`. Without a
 centreline the course's own is taken, and without a raceline the centreline.
 """
@@ -76,10 +73,7 @@ class CubicSpline2D:
         return self.calc_curvature(s)
 
     def calc_arclength(self, x: float, y: float, s_guess: float | None = None) -> tuple[float, float]:
-        """Return the progress of the place of the line that is nearest to a point, and how far that is [m].
-
-        The whole line is searched unless the place is guessed.
-        """
+        """Return the progress [m] of the line's place nearest to a point, or to a guess, and how far that is [m]."""
         a, ahead = self.points[:-1], np.diff(self.points, axis=0)
         share = np.clip((((x, y) - a) * ahead).sum(axis=1) / (ahead * ahead).sum(axis=1), 0.0, 1.0)
         away = np.hypot(*(a + share[:, None] * ahead - (x, y)).T)

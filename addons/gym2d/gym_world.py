@@ -228,10 +228,7 @@ class Driving:
         self.motions[agent] = self.motion(agent)
 
     def drive(self, commands: Any) -> NDArray[np.bool_]:
-        """Hold steering angles [rad] and speeds [m/s] (cars, 2) for a step.
-
-        Raises return which cars touch something or lie (cars,).
-        """
+        """Hold steering angles [rad] and speeds [m/s] (cars, 2) for a step; return which cars touch or lie, (cars,)."""
         engine = self.engine
         engine.commands[:] = [
             (steering, controller.set_point(speed, *self._speeds(agent)))

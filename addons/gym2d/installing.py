@@ -1,9 +1,5 @@
 """Resolves the import statements of scripts for f1tenth_gym: `install` provides the modules.
 
-    from fg_mujoco.addons import gym2d
-    gym2d.install(maps="f1tenth_racetracks")
-    import gym, f110_gym, pyglet                  # in the script, unedited
-
 `f110_gym`, `f1tenth_gym` and `pyglet` are always those of here. `gym` stays itself where it is installed; else it is
 `old_gym`, on top of Gymnasium. The environments are registered with both. A name of f1tenth_gym that is not here is
 reported with the file and the line that asks for it.

@@ -1,8 +1,5 @@
 """The maps that scripts of f1tenth_gym name: files, tracks of a folder that the user names, and our own courses.
 
-    course, file = find_map("maps/aut", ".png")
-    course, file = find_map("Spielberg", folder="f1tenth_racetracks")
-
 The gym comes with `vegas`, `berlin`, `skirk` and `levine`, and fetches tracks such as `Spielberg`. Here they are looked
 for in a folder: `maps=` of `make` and of `install`, `--maps` of the command, or the variable FG_MUJOCO_MAPS.
 
@@ -188,10 +185,7 @@ def _read(path: Path, image: Path | None, car: CarParameters) -> Course:
 
 
 def ground_among_walls(occupancy: OccupancyMap) -> Scene:
-    """Return the free ground of a map with walls round it and its border; its line is short.
-
-    TrackError: no free ground.
-    """
+    """Return the free ground of a map with walls round it and its border; TrackError: no free ground."""
     from scipy.ndimage import distance_transform_edt
 
     free = occupancy.with_walled_border().free

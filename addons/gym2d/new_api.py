@@ -1,9 +1,5 @@
 """The environment of f1tenth_gym v1.0: Gymnasium's interface, five values a step, and a `config`.
 
-    env = gym.make("f1tenth_gym:f1tenth-v0", config={"map": "Spielberg", "num_agents": 1})
-    obs, info = env.reset(options={"poses": np.array([[0.0, 0.0, 0.0]])})
-    obs, reward, terminated, truncated, info = env.step(np.array([[steering_angle, speed]]))
-
 Also as it was before, with Gymnasium under the name `f110_gym:f110-v0`. Written afresh from its documentation and its
 interface.
 """
@@ -136,18 +132,10 @@ class Actuation:
 class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
     """Some cars on a map, two by default, by the interface of f1tenth_gym v1.0.
 
-    Args:
-      config: settings over `default_config`, or an EnvConfig of the later releases.
-      render_mode: human, human_fast, rgb_array, or None, with which `render` does nothing.
-      vehicle: as of the environment of v0.2; not in the gym.
-      tires: the same.
-      setup: a Setup that says vehicle and tires instead; not in the gym.
-      maps: the same.
-      settings: of `config`, one by one.
-
-    Raises:
-      SettingsError: a setting out of its range.
-      TrackError: a map that cannot be read.
+    `config` are settings over `default_config`, each a keyword, too, or an EnvConfig of the later releases.
+    `render_mode` is human, human_fast, rgb_array, or None, with which `render` does nothing. Not in the gym are
+    vehicle, tires, setup and maps, as of the environment of v0.2. Raises SettingsError: a setting out of its range;
+    TrackError: a map that cannot be read.
     """
 
     metadata = {"render_modes": ["human", "human_fast", "unlimited", "rgb_array"], "render_fps": 100}  # noqa: RUF012
@@ -257,14 +245,10 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Place the cars, let them stand for one step, and return an observation and the info of `step`.
 
-        Args:
-          seed: of the places that are drawn; None: the places go on as drawn so far. Without any seed, or with the
-            config's default one, each environment draws others.
-          options: with `poses` of the rear axles (num_agents, 3), x [m], y [m], heading [rad], or `states`
-            (num_agents, 7), as `sim.agents` have them; without, poses are drawn as `reset_config` says.
-
-        Raises:
-          SettingsError: poses or states of another shape, or another option.
+        `seed` is of the places that are drawn; None: they go on as drawn so far. Without any seed, or with the config's
+        default one, each environment draws others. `options` may have `poses` of the rear axles (num_agents, 3), x [m],
+        y [m], heading [rad], or `states` (num_agents, 7), as `sim.agents` have them; else poses are drawn as
+        `reset_config` says. Raises SettingsError: poses or states of another shape, or another option.
         """
         super().reset(seed=seed)
         if seed is not None:
@@ -290,19 +274,13 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         return first[0], first[4]
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Hold an action for a timestep.
+        """Hold steering and speed of each car (num_agents, 2), as `control_input` says, within limits, for a timestep.
 
-        Args:
-          action: of each car steering and speed, shape (num_agents, 2), as `control_input` says, held within limits.
-
-        Returns:
-          The observation, the reward, which is the timestep [s], whether the ego has collided or all cars, with an
-          EnvConfig those that its TerminationConfig says, have driven `max_laps`, whether it is truncated, which it is
-          by `max_episode_steps` only, and an info: `checkpoint_done`, whether each car has, `lap_times`, `lap_counts`
-          and `sim_time`; with an EnvConfig `terminated_agents`, and `collisions` and `progress` [m] of the step.
-
-        Raises:
-          SettingsError: another shape, or a number that is not finite.
+        Returns the observation, the reward, which is the timestep [s], whether the ego has collided or all cars, with
+        an EnvConfig those that its TerminationConfig says, have driven `max_laps`, whether it is truncated, which it is
+        by `max_episode_steps` only, and an info: `checkpoint_done`, whether each car has, `lap_times`, `lap_counts` and
+        `sim_time`; with an EnvConfig `terminated_agents`, and `collisions` and `progress` [m] of the step. Raises
+        SettingsError: another shape, or a number that is not finite.
         """
         self.sim.write_back()  # before accelerations become speeds
         self._advance(self._commands(action if self._steps < 0 else self._actuation(action)))

@@ -1,10 +1,5 @@
 """The environment of f1tenth_gym v0.2, which is `f110-gym` on PyPI: gym's old interface, four values a step.
 
-    env = gym.make("f110_gym:f110-v0", map="maps/aut", map_ext=".png", num_agents=1)
-    obs, reward, done, info = env.reset(np.array([[0.0, 0.0, 0.0]]))
-    while not done:
-        obs, reward, done, info = env.step(np.array([[steering_angle, speed]]))
-
 Written afresh from its documentation and its interface.
 """
 
@@ -112,17 +107,11 @@ class F110Env(RaceEnvironment, base_of_gym()):  # type: ignore[misc]
         return self.step(np.zeros((self.num_agents, 2)))
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, dict[str, Any]]:
-        """Hold an action for a timestep.
+        """Hold steering angle [rad] and speed [m/s] of each car (num_agents, 2), within its limits, for a timestep.
 
-        Args:
-          action: steering angle [rad] and speed [m/s] of each car, shape (num_agents, 2), held within its limits.
-
-        Returns:
-          The observation, the reward, which is the timestep [s], whether the ego has collided or all cars have driven
-          two laps, and `checkpoint_done`, whether each car has driven two laps.
-
-        Raises:
-          SettingsError: another shape, or a number that is not finite.
+        Returns the observation, the reward, which is the timestep [s], whether the ego has collided or all cars have
+        driven two laps, and `checkpoint_done`, whether each car has. Raises SettingsError: another shape, or a number
+        that is not finite.
         """
         observation = self._advance(action)
         self.current_obs = observation
@@ -130,10 +119,7 @@ class F110Env(RaceEnvironment, base_of_gym()):  # type: ignore[misc]
         return observation, self.timestep, done, {"checkpoint_done": finished}
 
     def render(self, mode: str = "human", **_: Any) -> Any:
-        """Show the world: "human" or "human_fast" in MuJoCo's viewer, "rgb_array" as a picture (480, 640, 3).
-
-        Raises see View.
-        """
+        """Show the world: "human", "human_fast" in MuJoCo's viewer, "rgb_array" as a picture (480, 640, 3)."""
         return self._draw(mode)
 
 

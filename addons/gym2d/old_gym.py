@@ -128,10 +128,7 @@ class RecordEpisodeStatistics(Wrapper):
 
 
 def make(id: str, *, max_episode_steps: int | None = None, **settings: Any) -> Any:
-    """Return an environment, bare but for its limit of steps.
-
-    Raises gymnasium.error.Error: nothing of this name is registered.
-    """
+    """Return an environment, bare but for its limit of steps; gymnasium.error.Error: it is not registered."""
     for name in ("disable_env_checker", "autoreset", "apply_api_compatibility", "new_step_api"):
         settings.pop(name, None)
     module, _, name = id.rpartition(":")

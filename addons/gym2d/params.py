@@ -1,7 +1,5 @@
 """The car that `params` of f1tenth_gym describe, built: the vehicle's MJCF with these masses, lengths and limits.
 
-    build = car_of({"m": 3.9, "mu": 0.8}, Vehicle.load())
-
 Each parameter is built into the model, or named once in a warning as not there. Parameters within 1 % of the vehicle's
 leave its MJCF as it is. C_Sf and C_Sr are those of linear tires, which the set `f1tenth_gym` has, and tires with a
 peak have not.

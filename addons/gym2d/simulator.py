@@ -1,11 +1,5 @@
 """`env.sim` of f1tenth_gym: the cars, by the names under which planners and wrappers read them.
 
-    sim = Simulator(params, 2, seed=12345, time_step=0.01)
-    sim.set_map("maps/aut.yaml", ".png")
-    sim.reset(poses)                               # (2, 3)
-    observation = sim.step(np.zeros((2, 2)))
-    sim.agents[0].state                            # x, y, steering angle, speed, heading, yaw rate, slip angle
-
 What a script writes into a car's `state` is where the car goes on from at the next step.
 """
 

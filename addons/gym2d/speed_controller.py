@@ -29,10 +29,7 @@ _LEAST_OF_GAIN = 0.1  # [m/s] ours: the gym divides by |v_min|, which is 0 where
 
 
 class SpeedController:
-    """Turns commanded speeds of a car into set points of its motor.
-
-    Raises `over_ground` makes up for the drag of the tires.
-    """
+    """Turns commanded speeds of a car into set points of its motor, `over_ground` less the drag of the tires."""
 
     def __init__(self, car: CarParameters, *, over_ground: bool, timestep: float) -> None:
         self._car, self._over_ground, self._timestep = car, over_ground, timestep

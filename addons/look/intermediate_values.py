@@ -1,10 +1,5 @@
 """The values that a planner shows in a decision, collected: numbers, points, polygons, and arrays of a scan's length.
 
-    values = IntermediateValues()
-    with values.of(scan):
-        command = planner(scan, odometry)  # which calls `fg_mujoco.show`
-    values.now["goal"].array
-
 The debug page, the live view and `export` collect them so. Each thread has a collector of its own, and cars and worlds
 that run in parallel do not see each other's values.
 """

@@ -1,7 +1,5 @@
 """The signals of a drive that a car recorded in a bag, and the identification of its tires from them.
 
-    drive = read_bag_drive(Path("drive.mcap"), vehicle="nuc2")
-
 | what | type of message | topic, where there are several |
 | --- | --- | --- |
 | steering | AckermannDriveStamped; else the VESC's commands; else JointState of the joint "steering" | /drive |
@@ -82,25 +80,15 @@ def identify(
 ) -> Identification:
     """Return the tires and the steering of a car, identified from drives that it recorded.
 
-    Args:
-      sources: run folders, CSV files, or ROS bags: .mcap, .db3 or .bag files, or the folder of one.
-      vehicle: whose mass, inertia and lengths are assumed; None: those of the runs' own car, or `f1tenth` with others.
-      linear: find of each axle the stiffness alone, which a gentle drive determines.
-      single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
-      columns: of CSV files: as `read_drive` of realcar.drives takes them.
-      pose_topic: of the poses in a bag; None: the only one there is, or that of the odometry.
-      drive_topic: of the commands in a bag; None: /drive, or the only one there is.
-      imu_topic: None: /imu, or the only one there is.
-      odometry_topic: None: /odom, or the only one there is.
-      hold_out: sources of drives of the same car that nothing is fitted to, which the result is validated on; without,
-        every third second of `sources` is held back.
-      budget: [s] for the fit, after which the best so far is returned.
-      watch: called with the progress in words.
-
-    Raises:
-      MissingExtraError: the extra `ros` is not installed.
-      RunFolderError, BagError: a source that cannot be read, or a bag that lacks a channel.
-      SettingsError: a drive that is too short, drives of several cars, or ones that do not excite what is to be found.
+    `sources` are run folders, CSV files with `columns` as of `read_drive`, or ROS bags, whose topics are the usual or
+    only ones where they are None. Mass, inertia and lengths are those of `vehicle`; None: of the runs' own car, or
+    `f1tenth`. `linear` finds of each axle the stiffness alone, which a gentle drive determines, and `single_track`
+    leaves out the load on the outer tires, what driving takes of the grip, and the relaxation length. Nothing is fitted
+    to `hold_out`; without, every third second is held back. After the `budget` [s] the best so far is returned. `watch`
+    is told the progress in words.
+    Raises MissingExtraError: the extra `ros`; RunFolderError, BagError: a source that cannot be read, or a bag that
+    lacks a channel; SettingsError: a drive that is too short, drives of several cars, or ones that do not excite what
+    is to be found.
     """
     require_scipy()
     topics = {

@@ -1,8 +1,4 @@
-"""The commands of real cars and their bags.
-
-`identify` and `validate` fit a car to recorded drives, and compare it with them. `bag` says what a bag holds, `export`
-writes a run as one, and `replay-scans` runs a planner over its scans.
-"""
+"""The commands of real cars and their bags."""
 
 from __future__ import annotations
 

@@ -27,20 +27,12 @@ _BODY_HEIGHT = 0.10  # [m] of the chassis, which its roll and pitch inertia foll
 def fit(spec: Any, *, mass: float, center_of_gravity: tuple[float, float], yaw_inertia: float) -> None:
     """Give a vehicle's spec masses, and all that follows from these and from its lengths, in place.
 
-    Written are:
-      the chassis' `inertial`, and the place of the accelerometer, which is in the centre of gravity;
-      the tires' sizes, the height of base_link and the suspensions' `springref`: the car rests as it is drawn;
-      the Ackermann equality of each side;
-      gain and force of the drive: its greatest acceleration and its time constant stay what they were.
-
-    Args:
-      spec: of a car built as models/f1tenth.xml, lengths changed and the rest not.
-      mass: of the whole car [kg].
-      center_of_gravity: of the whole car: ahead of the rear axle, over the ground [m].
-      yaw_inertia: of the whole car about its centre of gravity [kg m^2].
-
-    Raises:
-      ModelError: more mass or inertia in the wheels and axles than in the whole car.
+    Written are the chassis' `inertial`, and the place of the accelerometer, which is in the centre of gravity; the
+    tires' sizes, the height of base_link and the suspensions' `springref`: the car rests as it is drawn; the Ackermann
+    equality of each side; gain and force of the drive: its greatest acceleration and its time constant stay what they
+    were. The spec is built as models/f1tenth.xml. Of the whole car are `mass` [kg], `center_of_gravity`, ahead of the
+    rear axle and over the ground [m], and `yaw_inertia` about it [kg m^2]. Raises ModelError: more mass or inertia in
+    the wheels and axles than in the whole car.
     """
     before = car_parameters(spec.compile())
     inertia = whole_inertia(mass, yaw_inertia, before.length, before.width)

@@ -33,11 +33,7 @@ _TEXTS = ("name", "ground", "where", "how", "car", "source")
 @explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Floor:
-    """A floor, and the friction coefficient of the tires that it was measured with.
-
-    Raises:
-      SettingsError: a friction that no tire has, or a text that is none.
-    """
+    """A floor, and the friction coefficient of the tires that it was measured with; SettingsError: of no tire."""
 
     name: str
     mu: float  # [-] of the tires of `car`
@@ -65,10 +61,7 @@ class Floor:
 
     @classmethod
     def load(cls, source: Floor | str | Path | Mapping[str, Any]) -> Floor:
-        """Return a floor of a bundled name, a TOML file, its content by name, or itself.
-
-        Raises SettingsError: none of these.
-        """
+        """Return a floor of a bundled name, a TOML file, its content or itself; SettingsError: none of these."""
         if isinstance(source, Floor):
             return source
         if isinstance(source, Mapping):

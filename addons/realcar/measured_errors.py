@@ -36,11 +36,7 @@ _TABLES = {"noise": (0.0, 10.0, "0 to 10 m"), "bias": (-10.0, 10.0, "-10 to 10 m
 @explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class MeasuredErrors:
-    """Errors of the beams of a LiDAR. Between ranges and between bearings they are linear, and beyond them constant.
-
-    Raises:
-      SettingsError: a table of another shape, or a value out of its range.
-    """
+    """Errors of a LiDAR's beams, linear between ranges and bearings, constant beyond; SettingsError: another shape."""
 
     ranges: tuple[float, ...]  # (k,) [m] true distances, increasing
     bearings: tuple[float, ...]  # (m,) [rad] from straight ahead, left positive, increasing
@@ -78,14 +74,7 @@ class MeasuredErrors:
 
     @classmethod
     def load(cls, source: MeasuredErrors | str | Path | Mapping[str, Any]) -> MeasuredErrors:
-        """Return the errors of a LiDAR.
-
-        Args:
-          source: a bundled name, the path of a TOML file, its content by name, or MeasuredErrors.
-
-        Raises:
-          SettingsError: an unknown name, or a file that is not of such errors.
-        """
+        """Return the errors of a LiDAR of a bundled name, a TOML file, its content or itself; else SettingsError."""
         if isinstance(source, MeasuredErrors):
             return source
         if isinstance(source, Mapping):

@@ -79,10 +79,7 @@ class FrameTree:
         return None
 
     def base_of(self, frame: str, stated: str = "") -> str | None:
-        """Return the car's own frame that a sensor's frame hangs on, or that of the odometry, `stated`.
-
-        Raises None: there is none.
-        """
+        """Return the car's own frame that a sensor's frame hangs on, else that of the odometry, `stated`, or None."""
         worlds = {name for name in self._links if is_world(name)}
         for base in BASES:
             way = self.way(frame, lambda name, base=base: name.rsplit("/", 1)[-1] == base, worlds)

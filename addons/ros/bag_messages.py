@@ -1,8 +1,5 @@
 """ROS 2 messages of scans, odometry and commands, without ROS: their types, and how they are made.
 
-    message = scan_message(scan)
-    data = to_cdr(message)
-
 Types and CDR are those of the package rosbags. Frames are as in REP 105: `map`, `odom`, `base_link` (rear axle), and
 `laser` and `imu` where they are mounted; axes and units as in REP 103. Unknown values are as each message defines
 them: a covariance of zeros, -1 in front where there is no estimate at all (sensor_msgs/Imu), an empty array.
@@ -153,10 +150,7 @@ def stamp_of(message: Any) -> int:
 
 
 def measures(imu: Any, quantity: str) -> bool:
-    """Return whether a sensor_msgs/Imu measures its angular_velocity, linear_acceleration or orientation.
-
-    Where it does not, the first number of the covariance is -1. Source: the definition of sensor_msgs/Imu.
-    """
+    """Return whether a sensor_msgs/Imu measures a quantity; else its covariance begins with -1, as it is defined."""
     return float(getattr(imu, f"{quantity}_covariance")[0]) != -1.0
 
 
@@ -253,10 +247,7 @@ def reading_messages(reading: Reading, frame: str) -> list[Any]:
 
 
 def drive_message(command: DriveCommand, time: int, frame: str = BASE_FRAME) -> Any:
-    """Return ackermann_msgs/AckermannDriveStamped; its rates are 0, "as fast as it can"; `time` is in [ns].
-
-    Its numbers are of 32 bits: a command is as the telemetry keeps it.
-    """
+    """Return ackermann_msgs/AckermannDriveStamped at `time` [ns], with the telemetry's 32 bits; its rates are 0."""
     command = recorded_command(command)
     drive = _make(
         "ackermann_msgs/msg/AckermannDrive", steering_angle=command.steering_angle, steering_angle_velocity=0.0,

@@ -1,9 +1,5 @@
 """Reads the scans that a car recorded, each with the odometry that was known when the scan arrived.
 
-    with ScanBag("drive.mcap", car) as bag:
-        for delivery in bag:
-            command = planner(delivery.scan, delivery.odometry)
-
 Messages are taken in the order in which they were received. The odometry that a planner gets has
 
 - speed: Odometry.twist; else from pose to pose, of PoseStamped, PoseWithCovarianceStamped or the transforms from odom
@@ -83,24 +79,12 @@ class Delivery:
 
 
 class ScanBag:
-    """A bag with scans, to be read once, in a `with` statement.
+    """A bag with scans, to be read once, in a `with` statement; a topic that is None is the usual or only one.
 
-    Args:
-      path: of the file or folder.
-      car: whose wheels and gravity the odometry is of.
-      scan_topic: of the scans; None: /scan, or the only one there is.
-      odometry_topic: of the odometry, or of poses, or of a VESC; None: /odom, or the only one there is.
-      drive_topic: of the drive commands; None: /drive, or the only one there is.
-
-    Attributes:
-      topics: the topic that is read, by type of message; without the types that the bag lacks.
-      scans: how many there are.
-      speed: what the speed is, in words.
-
-    Raises:
-      MissingExtraError: the extra `ros` is not installed.
-      BagError: on entry, a bag that cannot be read, without scans, or with several topics to choose from; while read,
-        a message that cannot be.
+    Wheels and gravity of the odometry are those of `car`. `topics` are those that are read, by type of message, `scans`
+    their number, and `speed` what the speed is, in words.
+    Raises MissingExtraError: the extra `ros`; BagError: on entry, a bag that cannot be read, without scans, or with
+    several topics to choose from; while read, a message that cannot be.
     """
 
     def __init__(
@@ -239,10 +223,7 @@ class Clock:
         self._first = 0
 
     def shift(self, stamp: int, heard: Heard, *, again: bool = False) -> tuple[int, float]:
-        """Return the offset to add to a stamp [ns], and the time since the stamp before [s].
-
-        Raises `again`: it was sent again.
-        """
+        """Return the offset to add to a stamp [ns], and the time since the one before [s]; `again`: it is sent anew."""
         stated = stamp
         if stated == 0 and heard.received > _UNSTAMPED:
             self.unstamped += 1

@@ -1,10 +1,5 @@
 """The messages of a bag, of one file or several, in the order of their time.
 
-    with Recording("drive") as bag:
-        topic = bag.choose((SCAN,), option="--scan-topic")
-        for heard in bag.messages({topic}):
-            print(heard.time, heard.message.ranges)
-
 A bag is a file, or the folder of one or of several that follow each other, with its metadata.yaml or without. The types
 of messages are those that the bag holds, each by itself, so that one that nobody here knows is no obstacle; where it
 holds none, those of the package rosbags by the distribution of ROS that wrote it. What is wrong with a bag, and can be
@@ -78,16 +73,8 @@ class Heard:
 class Recording:
     """A bag, open for reading in a `with` statement.
 
-    Args:
-      path: of the file or folder.
-
-    Attributes:
-      counts: how many messages each topic has that can be chosen; topics without any are left out. AutoDRIVE's
-        commands and odometry, and the VESC's commands, are topics that are composed of several.
-
-    Raises:
-      MissingExtraError: the extra `ros` is not installed.
-      BagError: on entry, a bag that cannot be read.
+    `counts` has how many messages each topic has that can be chosen, with the topics that are composed of several.
+    Raises MissingExtraError: the extra `ros`; BagError: on entry, a bag that cannot be read.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -152,20 +139,12 @@ class Recording:
         sparse: bool = True,
         measuring: str = "",
     ) -> Topic | None:
-        """Return the topic of these types: the one asked for, a usual one, or the only one; None: there is none.
+        """Return the topic of these types: the `wanted` one, a usual one, or the only one; None: there is none.
 
-        Beside topics that are not usual only the first of USUAL is. Topics that are composed count where there is no
-        other one.
-
-        Args:
-          kinds: of the messages.
-          wanted: the name of the topic that is asked for.
-          option: that asks for one. Without it, several are none.
-          sparse: whether topics count that have fewer messages than one in two seconds, as goals have.
-          measuring: quantity that an IMU must measure.
-
-        Raises:
-          BagError: there is none of that name; there are several, and none is usual.
+        Beside topics that are not usual only the first of USUAL is, and composed ones count where there is no other.
+        Without an option that asks for one, several are none. Not `sparse`: topics of less than a message in two
+        seconds, as goals are, do not count. An IMU has to be `measuring` a quantity. Raises BagError: there is none of
+        that name; there are several, and none is usual.
         """
         there = sorted((name, kind) for kind, name in self.counts if kind in kinds)
         names = ", ".join(name for name, _ in there)
@@ -214,13 +193,9 @@ class Recording:
         return found
 
     def messages(self, wanted: Collection[Topic], most: int | None = None) -> Iterator[Heard]:
-        """Yield the messages of topics, those of one time in the order in which they were written.
+        """Yield the messages of topics, `most` at most; of one time in the order in which they were written.
 
         Odometry and motors that are negative where the car drives forward are turned round, which is said.
-
-        Args:
-          wanted: the topics.
-          most: stop after so many.
         """
         signs = {topic: self.signs_of(topic) for topic in wanted if topic[0] in (ODOMETRY, MOTOR)}
         for heard in self._as_recorded(wanted, most):

@@ -1,8 +1,5 @@
 """Runs a planner over the scans of a bag, in the order in which they arrived.
 
-    with ScanBag("drive.mcap", car) as bag:
-        write_commands(planned(planner, bag), "commands.csv")
-
 The commands do not change how the recorded car drives, and so not the next scan.
 """
 

@@ -39,9 +39,9 @@ class Mount:
 
     @classmethod
     def of(cls, rotation: FloatArray, frame: str) -> Mount:
-        """Return the mount of a LiDAR whose axes in the car's frame are the columns of `rotation` (3, 3).
+        """Return the mount of a LiDAR with these axes in the car's frame, columns (3, 3).
 
-        Raises BagError: it is tilted by more than 5 degrees.
+        Raises BagError: beyond 5 degrees.
         """
         if abs(rotation[2, 2]) < _FLAT:
             tilt = math.degrees(math.acos(min(1.0, abs(float(rotation[2, 2])))))
@@ -51,10 +51,7 @@ class Mount:
 
 
 def mount_of(frames: FrameTree, sensor: str, stated: str = "") -> Mount:
-    """Return the mount of the LiDAR of a frame on the car; level and straight ahead where there are no transforms.
-
-    Raises BagError: it is tilted by more than 5 degrees.
-    """
+    """Return the mount of a frame's LiDAR, level and straight ahead without transforms; BagError: beyond 5 degrees."""
     base = frames.base_of(sensor, stated)
     worlds = {MAP_FRAME, "odom", "world", "earth"}
     found = None if base is None else frames.find(sensor, base, worlds)

@@ -141,10 +141,7 @@ class SignFinder:
 
 
 def range_flow(before: LaserScan, scan: LaserScan, seconds: float) -> tuple[FloatArray, FloatArray] | None:
-    """Return speed [m/s] and yaw rate [rad/s] of the LiDAR between two scans, and their standard errors.
-
-    None: the scans have too few beams in common that see something.
-    """
+    """Return speed [m/s] and yaw rate [rad/s] between two scans, and their standard errors; None: too few beams."""
     count, step = len(scan.ranges), scan.angle_increment
     reach = max(round(_REACH / step), 1) if step > 0.0 else count
     if len(before.ranges) != count or count <= 2 * reach:

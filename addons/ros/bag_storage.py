@@ -1,10 +1,5 @@
 """The files of bags, message by message: MCAP, the SQLite database of rosbag2, and .bag of ROS 1.
 
-    with ExitStack() as stack:
-        file = open_storage(Path("drive_0.mcap"), stack)
-        for channel, time, data in file.read(file.channels):
-            print(file.channels[channel].topic, time, len(data))
-
 A file is recognised by its first bytes. The package mcap reads MCAP, rosbags reads .bag, and sqlite3 reads databases.
 A file that was never closed, or that is damaged, is refused in a line that names the tool which recovers it.
 """

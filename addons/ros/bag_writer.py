@@ -1,7 +1,5 @@
 """A run folder as a ROS 2 bag in one MCAP file, which Foxglove, `ros2 bag` and rosbags open.
 
-    export_bag("runs/oval", "oval.mcap")
-
     /scan          sensor_msgs/LaserScan                 measured again (resimulation), frame laser
     /odom          nav_msgs/Odometry                     odom -> base_link
     /imu           sensor_msgs/Imu                       frame imu
@@ -178,17 +176,10 @@ class BagWriter:
 def export_bag(
     folder: str | Path, path: str | Path, watch: Callable[[int, int], None] | None = None
 ) -> int:
-    """Write a run folder as a bag, and return how many ticks it has.
+    """Write a run folder as an MCAP file, in place of one that exists, and return how many ticks it has.
 
-    Args:
-      folder: as `race --out` wrote it.
-      path: of the MCAP file; one that exists is replaced.
-      watch: called once a tick with its number, from 1, and how many there are.
-
-    Raises:
-      MissingExtraError: the extra `ros` is not installed.
-      RunFolderError: the folder is not a run's, or is damaged.
-      BagError: the file cannot be written.
+    `watch` is called once a tick with its number, from 1, and how many there are. Raises MissingExtraError: the extra
+    `ros`; RunFolderError: a folder that is no run's, or damaged; BagError: the file cannot be written.
     """
     require_ros_extra()
     run = read_run(folder)

@@ -36,10 +36,7 @@ class FrontCamera:
         self._drawn: tuple[World, Renderer, mujoco.MjData] | None = None
 
     def picture(self, surroundings: Surroundings) -> NDArray[np.uint8]:
-        """Return the picture from where the car is.
-
-        Shape (360, 640, 3). MissingExtraError: no OpenGL, and what installs it.
-        """
+        """Return the picture from where the car is, (360, 640, 3); MissingExtraError: no OpenGL."""
         from fg_mujoco.pictures.rendering import Renderer
         from fg_mujoco.pictures.rendering.cameras import View
 

@@ -33,11 +33,7 @@ class DebuggedRun(Window):
     """A window of a run's decisions, which can be written as a page."""
 
     def write_page(self, path: str | Path) -> Path:
-        """Write the page to step through the decisions, and return its path.
-
-        Raises:
-          RunFolderError: it cannot be written.
-        """
+        """Write the page to step through the decisions, and return its path; or RunFolderError."""
         return debug_page(self, Path(path))
 
 
@@ -52,17 +48,10 @@ def debug(
     """Return the decisions of a run round a time, each with its scan, its command, and what held it.
 
     The run is driven again and a planner is called along with it: of a race that was driven in this process its own, of
-    a run folder the one that is named. Without one there are scans and commands alone.
-
-    Args:
-      source: a run folder, a Run or a RaceResult.
-      at: time [s] in the middle of the window; None: the window is at the end.
-      window: how long it is [s].
-      controller: the planner; without settings in brackets it has those that the run recorded.
-
-    Raises:
-      RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
-      SettingsError: a time that is not in the run, or a window that is not above 0 or above 30 s.
+    a run folder the `controller` that is named, whose settings without brackets are those recorded. Without one there
+    are scans and commands alone. `at` [s] is the middle of the window [s]; None: the window is at the end. Raises
+    RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version; SettingsError: a time
+    that is not in the run, or a window that is not above 0 or above 30 s.
     """
     if not 0.0 < window <= LONGEST_WINDOW:
         raise SettingsError(f"window is {window:g}; accepted: seconds above 0, at most {LONGEST_WINDOW:g}")

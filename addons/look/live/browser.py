@@ -1,9 +1,5 @@
 """A live race in a browser: the world, what the LiDAR sees, where the planner is heading; knobs, and keys to drive by.
 
-    session = LiveSession(Setup.of("oval"))
-    with LiveView(session, port=8080) as view:
-        view.run()  # until Ctrl-C
-
 The server is viser's. It listens on 127.0.0.1 unless another address is given: whoever reaches it can turn the knobs,
 but for the pages of other sites in a browser (`handshake`).
 """
@@ -56,10 +52,7 @@ def require_viser() -> None:
 
 
 def check_port(host: str, port: int) -> None:
-    """Refuse an address that cannot be listened on.
-
-    Raises SettingsError: it is in use, is no address of this machine, or needs rights.
-    """
+    """Refuse an address that cannot be listened on; SettingsError: in use, not of this machine, or without rights."""
     if not 1 <= port <= 65535:
         raise SettingsError(f"port is {port}; accepted: 1 to 65535")
     try:

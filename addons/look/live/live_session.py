@@ -1,9 +1,5 @@
 """A race that goes on while somebody turns its knobs: pause, reset, drive by hand, another speed limit, other tires.
 
-    session = LiveSession(Setup.of("oval"))
-    session.change("max_speed", 4.0)
-    session.tick()
-
 Knobs may be turned from any thread; what was asked for happens at the start of the next tick, in the thread that calls
 `tick`. A value that cannot be is refused in `message`, and the old one stays.
 """
@@ -46,28 +42,13 @@ _HISTORY = 30.0  # [s] of speed that is kept
 
 
 class LiveSession:
-    """A car, its planner and whoever drives along.
+    """A car, its planner and whoever drives along; knobs change its `setup`, whose race has no end, and no rules.
 
-    Args:
-      setup: to begin with: the knobs change it. Its race has no end, and no rules.
-
-    Attributes:
-      setup: as it was at the beginning.
-      settings: those of the car, as they are now.
-      planner_settings: those of the planner that differ from its own, as they are now.
-      world: the World; it is another one after `mu` was changed.
-      simulation: of the world.
-      hand: what the keys ask for.
-      paused: whether time stands still.
-      by_hand: whether the keys drive, and not the planner.
-      message: what happened last; empty: nothing.
-      failure: how the planner failed, which pauses; None: it has not since the reset or the last change of a knob.
-      scan: what the LiDAR sees.
-      laps: the lap timer.
-      values: what the planner has shown by `fg_mujoco.show` in its last decision.
-
-    Raises:
-      TrackError, ControllerError, SettingsError: what cannot be driven.
+    `setup` stays as it was at the beginning; `settings` of the car and those of the planner that differ from its own
+    are as they are now. `world` is another one after `mu` was changed. `hand` is what the keys ask for, and `by_hand`:
+    they drive. `message` is what happened last, `failure` how the planner failed, which pauses, since the reset or the
+    last change of a knob. `values` are what the planner has shown by `fg_mujoco.show` in its last decision. Raises
+    TrackError, ControllerError, SettingsError: what cannot be driven.
     """
 
     def __init__(self, setup: Setup | None = None) -> None:

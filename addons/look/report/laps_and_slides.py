@@ -32,9 +32,8 @@ class Lap:
 
 
 def lap_length(time: FloatArray, progress: FloatArray, lap_times: tuple[float, ...]) -> float | None:
-    """Return the length of a lap as the lap timer had it [m], the progress at the end of the first.
+    """Return the length of a lap as the lap timer had it [m], the progress at the end of the first, or None.
 
-    Raises None: there is none.
     `time` [s] and `progress` [m] are of the starts of the ticks (n,). A race that ends with its only lap ends a moment
     after the last tick began: up to there the progress goes on as in the tick before.
     """
@@ -46,10 +45,7 @@ def lap_length(time: FloatArray, progress: FloatArray, lap_times: tuple[float, .
 def lap_table(
     columns: dict[str, FloatArray], lap_times: tuple[float, ...], length: float | None, *, end: float | None
 ) -> tuple[Lap, ...]:
-    """Return the laps of a race, the one that was not completed last, which ends at `end` [s].
-
-    Raises without a length no sectors.
-    """
+    """Return the laps of a race, last the one not completed, which ends at `end` [s]; no sectors without a length."""
     time, progress = columns["time_s"], columns["progress_m"]
     bounds = [0.0, *np.cumsum(lap_times).tolist()]
     if end is not None:
@@ -131,10 +127,7 @@ class SlideEvent:
 def slide_events(
     columns: dict[str, FloatArray], length: float | None, period: float = 0.025, model: str = CONTACT
 ) -> tuple[SlideEvent, ...]:
-    """Return all sliding of a race, in order.
-
-    Raises without a length of a lap, progress is counted from the start of the race.
-    """
+    """Return all sliding of a race, in order, with progress within the lap, or the race where no length is known."""
     time, progress, lap = columns["time_s"], columns["progress_m"], columns["lap"]
     events = []
     for tire in WHEELS:

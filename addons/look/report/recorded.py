@@ -108,7 +108,7 @@ _NEEDED = (
 def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
     """Return a race to be reported.
 
-    Raises RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
+    Raises RunFolderError: no folder of `race --out`, a file is missing, or another version.
     """
     if isinstance(source, RaceResult):
         return RecordedRun(

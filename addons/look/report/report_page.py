@@ -63,18 +63,11 @@ def write_report(
     clip_seconds: float | None = CLIP_SECONDS,
     watch: Callable[[int, int, str], None] | None = None,
 ) -> Path:
-    """Write the report of a run and return its path. It appears whole, in the place of one that may be there.
+    """Write the report of a run, whole, in the place of one that may be there, and return its path.
 
-    Args:
-      source: a run folder, a Run or a RaceResult.
-      path: of the page.
-      clip_seconds: of the video in it [s]; None: there is none.
-      watch: told how many frames of the video are done, of how many, and the word "frame".
-
-    Raises:
-      RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version; or the page
-        cannot be written.
-      MissingExtraError: bokeh is not installed.
+    Its video is of `clip_seconds`, None for none; `watch` is told how many of its frames are done, of how many, and the
+    word "frame". Raises RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version;
+    or the page cannot be written; MissingExtraError: bokeh is not installed.
     """
     require_bokeh()
     run = read_recorded(source)

@@ -176,10 +176,7 @@ def events(events: Sequence[SlideEvent], model: str, *, measured: bool = True) -
 
 
 def clip(clip: Clip | None, whose: str = "") -> Html:
-    """Return the video, among several cars with the name of the one that it follows, or what it takes to have one.
-
-    It is nothing where none was wanted.
-    """
+    """Return the video, with the name of the one that it follows, what it takes to have one, or nothing."""
     if clip is None:
         return Html()
     if clip.missing:

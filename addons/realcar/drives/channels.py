@@ -31,11 +31,7 @@ LONGEST, PART = 300.0, 30.0
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Channel:
-    """What one sensor measured, or what was commanded; its arrays are read-only.
-
-    Raises:
-      SettingsError: on making it, times that do not increase, or values that are not finite.
-    """
+    """What one sensor measured, or what was commanded, read-only; SettingsError: not increasing, or not finite."""
 
     name: str
     time: FloatArray  # (n,) [s]
@@ -70,11 +66,7 @@ class Channel:
         return found
 
     def require_bounded(self, *most: float) -> None:
-        """Make sure that the times, and of each column the values, are below what is measured.
-
-        Raises:
-          SettingsError: one is not; the message has its time.
-        """
+        """Raise SettingsError, with the time, where times or values are not below what is measured."""
         for values, greatest in zip((self.time, *self.values.T), (MOST["time"], *most), strict=True):
             bad = np.flatnonzero(np.abs(values) > greatest)
             if len(bad):

@@ -65,11 +65,7 @@ _TOGETHER = (("x", "y", "yaw"), ("forward_acceleration", "lateral_acceleration")
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """A column of a file, and how its numbers become SI units.
-
-    Raises:
-      SettingsError: on making it, a value outside of what is accepted.
-    """
+    """A column of a file, and how its numbers become SI units; SettingsError: a value outside of what is accepted."""
 
     column: str
     unit: str = ""  # of UNITS; empty: the SI unit
@@ -100,11 +96,7 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True)
 class BeamColumns:
-    """The columns of a LiDAR's beams, numbered from the right.
-
-    Raises:
-      SettingsError: on making it, a value outside of what is accepted.
-    """
+    """The columns of a LiDAR's beams, numbered from the right; SettingsError: a value outside of what is accepted."""
 
     columns: str  # with {} in place of the number of the beam
     count: int  # of the LiDAR's beams, recorded or not
@@ -140,11 +132,7 @@ class BeamColumns:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class DriveColumns:
-    """Which columns of a CSV file a drive is read from.
-
-    Raises:
-      SettingsError: on making it, a part that is missing, or a value outside of what is accepted.
-    """
+    """Which columns of a CSV file a drive is read from; SettingsError: one is missing, or what is not accepted."""
 
     time: Column
     speed: Column
@@ -202,11 +190,7 @@ class DriveColumns:
 
     @classmethod
     def of(cls, columns: DriveColumns | Mapping[str, Any] | str | Path) -> DriveColumns:
-        """Return a mapping as it is; of keys and values; of a name of LAYOUTS; or of a TOML file.
-
-        Raises:
-          SettingsError: a key that there is not, or a value that is not accepted.
-        """
+        """Return a mapping as it is, of keys and values, of a name of LAYOUTS or of a TOML file; else SettingsError."""
         if isinstance(columns, DriveColumns):
             return columns
         if isinstance(columns, Mapping):

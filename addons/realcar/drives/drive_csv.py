@@ -124,8 +124,7 @@ def _corrections(columns: DriveColumns, checks: DriveChecks) -> tuple[float, flo
 def header_of(lines: Iterable[str]) -> tuple[list[str], str, int]:
     """Return a CSV file's columns, what separates them, and how many lines stand before its first row.
 
-    Raises # begins comments.
-    The header is the first line that is none; where that has numbers only, it is the comment before it.
+    The header is the first line without #; where that has numbers only, it is the comment before it.
     """
     comment = ""
     for count, line in enumerate(lines):

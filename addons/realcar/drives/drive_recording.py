@@ -110,10 +110,8 @@ class RecordedDrive(Measured):
     def parts(self) -> list[RecordedDrive]:
         """Return it as drives without a pause, the only one itself; a warning says where it was cut.
 
-        Of a drive that measures for more than LONGEST these are parts of PART, evenly spread, LONGEST in all.
-
-        Raises:
-          SettingsError: no part lasts for SHORTEST, or its clock jumps by more than LONGEST_PAUSE.
+        Of a drive that measures for more than LONGEST these are parts of PART, evenly spread, LONGEST in all. Raises
+        SettingsError: no part lasts for SHORTEST, or its clock jumps by more than LONGEST_PAUSE.
         """
         pauses, said = self.pauses, list[str]()
         if not pauses and self.end - self.start <= LONGEST:

@@ -19,10 +19,7 @@ _UNEVEN = 0.01  # of the mean increment, by which one of a LaserScan may differ
 
 
 def deliveries(drive: RecordedDrive, car: CarParameters) -> Iterator[Delivery]:
-    """Yield the scans of a drive in their order, each with the odometry at its time.
-
-    Raises SettingsError: no beams, or beams at uneven bearings, which no LaserScan has.
-    """
+    """Yield the scans of a drive, each with the odometry then; SettingsError: no beams, or at uneven bearings."""
     if drive.beams is None:
         raise SettingsError(f"{drive.name}: has no beams; accepted: a drive with a LiDAR's, by `beams` of the columns")
     bearings, steps = drive.beams.bearings, np.diff(drive.beams.bearings)

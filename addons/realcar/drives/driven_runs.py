@@ -19,10 +19,7 @@ from .drive_recording import RecordedDrive
 
 
 def drive_of_run(run: Run, world: World | None = None, *, beams: bool = True) -> RecordedDrive:
-    """Return what the sensors of a run's car measured, in `world`, or one that is loaded; `beams` keeps the scans.
-
-    Raises RunFolderError: a damaged run folder.
-    """
+    """Return what a run's car measured, with scans if `beams`; RunFolderError: a damaged run folder."""
     world = load_world(run) if world is None else world
     time = run.column("time_s")
     sensed = [tick.sensed for tick in resimulate(run, world) if tick.sensed is not None]

@@ -33,17 +33,13 @@ def read_drive(
 ) -> RecordedDrive:
     """Return a drive that was recorded in a CSV file, a ROS bag or a run folder.
 
-    Args:
-      path: of the file or folder.
-      columns: of a CSV file: a TOML file that names them, its content, or the name of a layout; None: of a layout that
-        is recognised by its header.
-      vehicle: whose wheel radius turns a bag's wheel speeds into m/s; None: `f1tenth`.
-      topics: of a bag: `pose_topic`, `drive_topic`, `imu_topic`, `odometry_topic`; None: the usual or only one.
-
-    Raises:
-      MissingExtraError: a bag, and the extra `ros` is not installed.
-      RunFolderError, BagError: a run folder or bag that cannot be read, or a bag that lacks a channel.
-      SettingsError: a file that is none of these, lacks a column, whose clock runs backwards, or whose units are wrong.
+    `columns` of a CSV file are a TOML file that names them, its content, or the name of a layout; None: of a layout
+    that is recognised by its header. The wheel radius of `vehicle` turns a bag's wheel speeds into m/s; None:
+    `f1tenth`. `topics` of a bag are `pose_topic`, `drive_topic`, `imu_topic`, `odometry_topic`; None: the usual or only
+    one.
+    Raises MissingExtraError: a bag without the extra `ros`; RunFolderError, BagError: what cannot be read, or a bag
+    that lacks a channel; SettingsError: a file that is none of these, lacks a column, whose clock runs backwards, or
+    whose units are wrong.
     """
     path = Path(path)
     kind = kind_of(path)
@@ -68,10 +64,7 @@ def refuse_for_kind(path: Path, kind: str, columns: object, topics: Mapping[str,
 
 
 def kind_of(path: Path) -> str:
-    """Return what a path is, "csv", "bag" or "run", whether there is such a file or not.
-
-    Raises SettingsError: none of these.
-    """
+    """Return what a path is, "csv", "bag" or "run", whether it is there or not; SettingsError: none of these."""
     if is_folder(path):
         if (path / SUMMARY).is_file():
             return "run"

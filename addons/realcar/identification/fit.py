@@ -60,10 +60,7 @@ _GAINS = (1.0, 1.25, 0.8)  # of the steering, from each of which the first fit s
 
 
 def require_scipy() -> None:
-    """Make sure that parameters can be found.
-
-    Raises MissingExtraError: SciPy is not installed; the message has the command that installs it.
-    """
+    """Make sure that parameters can be found; MissingExtraError: SciPy, with the command that installs it."""
     if importlib.util.find_spec("scipy") is None:
         raise missing_extra("identification needs SciPy", "ros")
 

@@ -236,20 +236,10 @@ def identify_drives(
 ) -> Identification:
     """Return the tires and the steering of the car of some drives, and how well that agrees on others.
 
-    What the drives do not tell is in `untold`, with what would tell it; its value is what is usual. After the time
-    budget the best parameters so far are returned, and `fit.stopped` says so.
-
-    Args:
-      drives: of one car.
-      hold_out: drives of it that no parameter is fitted to; without, every third second of `drives` is held back.
-      linear: find of each axle the stiffness alone.
-      single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
-      budget: [s] of the clock on the wall, from the call on.
-      watch: told in words how far it is.
-
-    Raises:
-      MissingExtraError: SciPy is not installed.
-      SettingsError: no drive, drives of several cars, or drives that tell nothing.
+    Arguments are those of `bag_drive.identify`. What the drives do not tell is in `untold`, with what would tell it;
+    its value is what is usual. After the time budget the best parameters so far are returned, and `fit.stopped` says
+    so.
+    Raises MissingExtraError: SciPy; SettingsError: no drive, drives of several cars, or drives that tell nothing.
     """
     require_scipy()
     deadline = time.monotonic() + _checked_budget(budget)

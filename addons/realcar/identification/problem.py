@@ -215,10 +215,7 @@ class DriveProblem:
     def linearise(
         self, parameters: FloatArray, starts: FloatArray, noise: FloatArray, free: NDArray[np.bool_]
     ) -> Linearised:
-        """Return residuals and derivatives at some parameters and starts (m, STATES), by the free parameters.
-
-        `noise` (4,) is the standard deviation of each channel.
-        """
+        """Return residuals and their derivatives by the free parameters and starts (m, STATES), over the noise (4,)."""
         weights = 1.0 / noise[self.channels()]
         nodes = self.run(parameters, starts)
         here = self.measured(parameters, nodes)

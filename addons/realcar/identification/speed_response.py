@@ -52,10 +52,7 @@ class SpeedResponse:
 
 
 def speed_response(problems: Sequence[DriveProblem], parameters: FloatArray, *, seed: int = 1) -> SpeedResponse | str:
-    """Return how the speed follows the commands, or the reason why the drives do not tell.
-
-    Of the parameters that output error found come the slip angles; `seed` is the bootstrap's.
-    """
+    """Return how the speed follows the commands, or why the drives do not tell; `parameters` have the slip angles."""
     told = [problem for problem in problems if problem.drive.speed_command is not None]
     if not told:
         return "no speed commands are recorded"

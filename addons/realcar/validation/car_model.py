@@ -49,10 +49,7 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CarModel:
-    """One of our cars on its tires.
-
-    Raises SettingsError, ModelError: on making it, a vehicle, tires or friction that there are not.
-    """
+    """One of our cars on its tires; SettingsError, ModelError: a vehicle, tires or friction that there are not."""
 
     vehicle: Vehicle
     tires: Tires

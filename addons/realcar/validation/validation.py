@@ -207,19 +207,11 @@ def validate(
 ) -> Validation:
     """Return how well one of our cars agrees with recorded drives. Nothing is fitted.
 
-    Args:
-      drives: CSV files, folders of them, bags, run folders, or drives that were read.
-      vehicle: a bundled name, the path of an MJCF file, or a Vehicle.
-      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
-      mu: friction coefficient, or the greatest peak of tires with a curve [-]; None: as in their file.
-      columns: of CSV files, as `read_drive` takes them.
-      threads: that drive the worlds; the result has the same bits for any number.
-      watch: called with the progress in words.
-
-    Raises:
-      MissingExtraError: SciPy is not installed, or a bag without the extra `ros`.
-      SettingsError: a drive that cannot be read, or none in which the car moves.
-      ModelError: a file that is not that of a vehicle.
+    `drives` are CSV files with `columns` as of `read_drive`, folders of them, bags, run folders, or drives that were
+    read. Tires that are None are the vehicle's, and `mu` is their greatest peak; None: as in their file. The result has
+    the same bits for any number of `threads`. `watch` is told the progress in words.
+    Raises MissingExtraError: SciPy, or a bag without the extra `ros`; SettingsError: a drive that cannot be read, or
+    none in which the car moves; ModelError: a file that is not that of a vehicle.
     """
     loaded = Vehicle.load(vehicle)
     model = CarModel(

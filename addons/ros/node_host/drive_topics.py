@@ -54,9 +54,9 @@ class Driving:
         self._bad, self._counted = 0, 0  # commands in a row that were not, and messages when that was found
 
     def topics(self) -> list[Publication]:
-        """Return one publisher of each topic that commands the car: one, or two where speed and angle have their own.
+        """Return a publisher of each topic that commands the car, one or two.
 
-        Raises NodeError: there are several drive topics, and it is not known which counts.
+        Raises NodeError: it is not known which counts.
         """
         for kinds in ((_STAMPED, _PLAIN), (), (_DRIVE_PARAM,), (_TWIST, _TWIST_STAMPED)):
             if not kinds:

@@ -1,9 +1,5 @@
 """Topics, simulated time and threads of the nodes of one planner.
 
-    graph = Graph(wall_limit=30.0)
-    graph.start("safety", run)        # a thread, which runs until it waits: for messages, or for simulated time
-    graph.tick(time, [("/scan", scan)])
-
 Each node has a thread. A thread runs only while `tick` waits for it, so that no two run at a time, and always in the
 order of their start. So a node may wait anywhere, and the same seed gives the same bits. Between two ticks threads are
 resumed at the simulated times that they wait for, in the order of these times. At a tick messages are delivered first.
@@ -140,7 +136,7 @@ class Process:
     def resume(self, limit: float) -> None:
         """Let it run until it waits, and raise what the node raises.
 
-        Raises NodeBlockedError: it did not within a limit [s], which does not count the imports of other libraries.
+        Raises NodeBlockedError: it did not within a limit [s].
         """
         self.running = True
         self._go.release()
@@ -241,10 +237,7 @@ class Graph:
             process.close()
 
     def tick(self, time: int, messages: Iterable[tuple[str, Any]]) -> None:
-        """Go on to a time [ns], deliver messages, and let nodes do all that is due.
-
-        Raises raises NodeError, and what a node raises.
-        """
+        """Go on to a time [ns], deliver messages, and let nodes do all that is due; raises what a node raises."""
         while True:
             self.settle()
             nearest = min((p.wake for p in self.processes if not p.done and p.wake is not None), default=time)

@@ -87,9 +87,8 @@ class Absent(ModuleType):
 class Imports:
     """The modules of one node.
 
-    The graph gets the paths of the files that are read, and `definitions` the user's own `.msg` files. `modules` are
-    the stubs by name, `overlays` modules of Python, and `drawing` those that draw random numbers, for files that name
-    such.
+    Its graph gets the paths of the files that are read, `definitions` the user's `.msg` files. `modules` are stubs,
+    `overlays` modules of Python, `drawing` those that draw random numbers, for files that name such.
     """
 
     def __init__(
@@ -427,10 +426,7 @@ class Imports:
 
 
 class Services(StandIn):
-    """Services or actions of a package, whose `parts_of` a name are its requests and responses.
-
-    Raises empty: nothing defines it.
-    """
+    """Services or actions of a package; `parts_of` returns the parts of a name, none where nothing defines it."""
 
     def __init__(self, name: str, parts_of: Callable[[str], Mapping[str, type]]) -> None:
         super().__init__(name)

@@ -1,7 +1,5 @@
 """Launch files of ROS 2, in Python, XML or YAML: the nodes that they start, their parameters, topics and arguments.
 
-    launched(Path("ws/src/my_car/launch/race.launch.py"), {"speed": "2.0"}, said, graph)
-
 Those in Python are executed, with the stubs of `launch_objects`; `launch_frontends` reads the others. A node is one of
 a package of the same workspace, in Python; others, such as RViz, a driver or the simulator, are left out, and a warning
 names them.
@@ -84,10 +82,7 @@ class LaunchFiles:
         self._imports = LaunchImports(self.first.resolve(), self.graph, self._known.get, self._context)
 
     def include(self, path: Path, depth: int = 0) -> None:
-        """Execute a launch file, and take what it starts.
-
-        Raises ControllerError: it fails, or a node depends on what is not here.
-        """
+        """Execute a launch file, and take what it starts; ControllerError: it fails, or lacks what a node needs."""
         if depth > _DEEPEST:
             raise ControllerError(f"{self.said}: launch files include each other more than {_DEEPEST} deep ({path})")
         path = path.resolve()

@@ -1,8 +1,5 @@
 """Message classes as Python nodes of ROS have them: fields, types and defaults of the real definitions.
 
-    Point = message_class("geometry_msgs/msg/Point")
-    Point(x=1.0).y  # 0.0
-
 Definitions are those of the package rosbags, or of a user's `.msg` files. Messages refuse a value of another type, as
 rclpy does, and a field that the definition has not.
 """

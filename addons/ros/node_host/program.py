@@ -78,10 +78,7 @@ class Program:
 
 
 def read_program(source: str) -> Program:
-    """Return the program of `ros:node.py:ClassName`, `ros:node.py`, `ros:launch.yaml` or `ros:name.launch.py`.
-
-    Raises ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
-    """
+    """Return the program of `ros:` and node.py:ClassName, node.py, launch.yaml or name.launch.py; ControllerError."""
     said = f"controller {source!r}"
     rest = source.removeprefix(SCHEME)
     path, colon, class_name = rest.rpartition(":") if re.search(r":\w*$", rest) else (rest, "", "")

@@ -1,8 +1,5 @@
 """A node of ROS, or several, as a planner: what the engine builds of `ros:path/node.py:ClassName`.
 
-    planner = find_node("ros:wall_follow.py:WallFollow")(car=car, max_speed=8.0, settings={"speed": 2.0})
-    planner(scan, odometry)   # the last message on /drive
-
 Each tick the nodes receive the scan, the odometry and the pose, and do all that is due in simulated time. The last
 message that they have published on the drive topic is the command. Before the first the car stands.
 """
@@ -60,14 +57,10 @@ PATIENCE = 5.0
 class RosPlanner:
     """Nodes as a planner; `find_node` makes a class of it for each program.
 
-    Args:
-      car: parameters of the car.
-      max_speed: fastest that is commanded, whatever the nodes ask for [m/s].
-      settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `host.params` a file of
-        parameters, `host.args` the arguments of a node, `host.beams` how many beams a scan has, `launch.NAME` an
-        argument of a launch file of ROS 2, `host.wall_limit` the wall time that a node may take [s].
-
-    Raises ControllerError: a parameter that no node has, or a node that cannot drive.
+    Nothing faster than `max_speed` [m/s] is commanded. `settings` are parameters of the nodes, by name; `remap./scan`
+    is another name for a topic, `host.params` a file of parameters, `host.args` the arguments of a node, `host.beams`
+    how many beams a scan has, `launch.NAME` an argument of a launch file of ROS 2, `host.wall_limit` the wall time that
+    a node may take [s]. Raises ControllerError: a parameter that no node has, or a node that cannot drive.
     """
 
     any_settings = True

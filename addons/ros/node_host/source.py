@@ -239,10 +239,7 @@ def _called(node: ast.AST) -> str:
 
 
 def data_file(said: str, node: Path) -> Path | None:
-    """Return the path of a file of data that a node names elsewhere; None: it is where the node says, or nowhere.
-
-    The longest part of its path that is found counts, the node's folder before the folders above.
-    """
+    """Return where a node's file of data is, by the longest part of its path; None: where it says, or nowhere."""
     if len(said) > _LONGEST_PATH or any(each.isspace() and each != " " for each in said):
         return None
     path = Path(said)

@@ -51,10 +51,7 @@ def matrix(position: Any, quaternion: Any) -> FloatArray:
 
 
 def lookup(graph: Graph, target: str, source: str) -> FloatArray:
-    """Return the matrix (4, 4) that takes points of the frame `source` into `target`.
-
-    Raises LookupException: a frame that nobody has broadcast; ConnectivityException: they are not of one tree.
-    """
+    """Return the matrix (4, 4) from the frame `source` to `target`; LookupException, ConnectivityException: none."""
     to_root = [_chain(graph, frame.strip("/")) for frame in (target, source)]
     if to_root[0][0] != to_root[1][0]:
         raise ConnectivityException(f"frames {target!r} and {source!r} are not of one tree")

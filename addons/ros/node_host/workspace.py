@@ -1,8 +1,5 @@
 """Packages of a ROS workspace, as it lies on disk: folders with a package.xml, found from a file of one of them.
 
-    packages(Path("ws/src/my_car/my_car/node.py"))       # {"my_car": ws/src/my_car, "my_lib": ws/src/my_lib}
-    executable(Path("ws/src/my_car"), "drive")           # (ws/src/my_car/my_car/node.py, "main")
-
 Nothing is executed, and nothing built: what `setup.py` would install is read off its text.
 """
 

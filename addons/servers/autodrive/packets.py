@@ -96,10 +96,7 @@ def packet(
 
 
 def read_answer(data: Any, vehicle: int = 1) -> Answer:
-    """Return what a DevKit has answered; a command beyond -1 to 1 is clipped, as the simulator does.
-
-    Raises or MessageError.
-    """
+    """Return what a DevKit has answered, clipped to -1 to 1, as the simulator does; MessageError: no commands."""
     if not isinstance(data, Mapping):
         raise MessageError(f"the DevKit has answered {shown(data)}; accepted: a dictionary of commands")
     numbers = []
