@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from .course.open_ground import OpenGround as OpenGround
     from .course.scene import Scene as Scene
     from .course.scenes import scene_names as scene_names
+    from .course.track import MapTrack as MapTrack
     from .course.track import Track as Track
-    from .course.walled_track import MapTrack as MapTrack
     from .errors import BagError as BagError
     from .errors import ControllerError as ControllerError
     from .errors import EngineError as EngineError
@@ -119,8 +119,7 @@ _PLACES = {
     "course.open_ground": "OpenGround",
     "course.scene": "Scene",
     "course.scenes": "scene_names",
-    "course.track": "Track",
-    "course.walled_track": "MapTrack",
+    "course.track": "MapTrack Track",
     "errors": "BagError ControllerError EngineError FgMujocoError MissingExtraError "
     "ModelError PlannerError RunFolderError SettingsError TrackError",
     "lidar.effects": "LidarEffects",

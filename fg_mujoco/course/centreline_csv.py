@@ -34,8 +34,7 @@ from .files import foreign_kind, is_file, read_text
 from .line_file import LineFile, read_line_file, require_closed
 from .line_names import COLUMNS
 from .polyline import enclosed_area, spline, step_lengths
-from .track import MIN_POINTS, Track, check_size
-from .walled_track import MapTrack
+from .track import MIN_POINTS, MapTrack, Track, check_size
 
 DENSE = 0.5  # [m] longest step of a line that is kept as it is
 SPACING = 0.2  # [m] step that a sparser line is resampled to

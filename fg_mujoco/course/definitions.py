@@ -35,7 +35,7 @@ def definition_sha256(definition: Mapping[str, FloatArray]) -> str:
 def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     """Return the Track, MapTrack or Scene whose `definition` this is; raise TrackError for that of another class."""
     from .scene import Scene
-    from .walled_track import MapTrack
+    from .track import MapTrack
 
     islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
     names = tuple(key for key in definition if key not in islands)

@@ -21,7 +21,7 @@ from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
-from .course import CLEAR_AHEAD, CLEAR_BEHIND, Sites, default_time_limit
+from .course import CLEAR_AHEAD, CLEAR_BEHIND, ISLAND, Sites, default_time_limit
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
 from .polyline import MOST_POINTS, cross, segments, self_crossings, step_lengths, steps, subdivide, turns
@@ -341,6 +341,39 @@ class Track(Shown):
         table = np.tile(lap, 3)
         table[0] += self.length * np.repeat((-1.0, 0.0, 1.0), lap.shape[1])
         return read_only(table)
+
+
+@explain_class
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MapTrack(Track):
+    """A circuit whose walls are given, and not those of its widths. The widths are the distances to the walls.
+
+    Raises:
+      TrackError: when made, what Track raises of its line and widths.
+    """
+
+    wall_right: FloatArray  # (k, 2) [m] closed, in driving order
+    wall_left: FloatArray  # (m, 2) [m] closed, in driving order
+    outlines: tuple[FloatArray, ...] = ()  # of what stands between the two, each closed and counterclockwise [m]
+
+    @property
+    def islands(self) -> tuple[FloatArray, ...]:
+        """Outlines of what stands between the walls, counterclockwise. Shapes (k, 2) [m], read-only."""
+        return self.outlines
+
+    @property
+    def definition(self) -> dict[str, FloatArray]:
+        """All that makes it what it is: line, widths, walls and islands."""
+        islands = {f"{ISLAND}{number}": outline for number, outline in enumerate(self.outlines)}
+        return super().definition | {"wall_right": self.wall_right, "wall_left": self.wall_left} | islands
+
+    @cached_property
+    def _corridor(self) -> tuple[FloatArray, FloatArray]:
+        return self.width_right, self.width_left
+
+    @cached_property
+    def _walls(self) -> tuple[FloatArray, FloatArray]:
+        return read_only(self.wall_right), read_only(self.wall_left)
 
 
 def check_size(line: FloatArray) -> None:

@@ -14,7 +14,7 @@ from fg_mujoco.course.maps import walls
 from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.maps.map_track import load_map, map_loops, read_map
 from fg_mujoco.course.maps.region import encloses
-from fg_mujoco.course.walled_track import MapTrack
+from fg_mujoco.course.track import MapTrack
 from fg_mujoco.errors import TrackError
 from map_oracles import building, draw_map, march, real_map, ring
 

@@ -10,7 +10,7 @@ from cases import each
 from fg_mujoco.course.centreline_csv import write_centreline
 from fg_mujoco.course.maps.map_track import DIRECTIONS, load_map, read_map
 from fg_mujoco.course.polyline import enclosed_area, self_crossings
-from fg_mujoco.course.walled_track import MapTrack
+from fg_mujoco.course.track import MapTrack
 from fg_mujoco.errors import TrackError
 from map_oracles import box_room, draw_map, loop_difference, real_map, ring
 

@@ -29,8 +29,8 @@ from ..course import default_time_limit
 from ..obstacles import Prism
 from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
 from ..scene import BEHIND, BEYOND, Scene
+from ..track import MapTrack
 from ..track_mesh import wall_footprints
-from ..walled_track import MapTrack
 from .map_server import SPECK, OccupancyMap, read_map_file
 from .region import GREY_GROUND, SHORTEST_WAY, MapCourse, course_of, encloses, find_course, find_loops, pixels_within
 from .walls import trace
