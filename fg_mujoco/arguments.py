@@ -1,12 +1,4 @@
-"""Answers a call or an attribute that does not exist with what does: "race has no argument 'map'; ... 'track'?"
-
-    race = explained(race)
-
-    class Scan(Suggesting):
-        ...
-
-Both cost nothing where nothing is wrong but one call in between. `Remade` copies an object by its arguments.
-"""
+"""Answers a call or an attribute that does not exist with what does: race has no argument 'map'; ... 'track'?"""
 
 from __future__ import annotations
 
@@ -43,11 +35,8 @@ _LEAST_SIMILARITY = 0.7  # of an attribute that may have been meant
 def setting(default: Any, text: str, metavar: str, group: str, *, told: bool = False) -> Any:
     """Return a field of a dataclass of settings that the command line has as an option of its keyword.
 
-    Args:
-      text: help of the option; `{names}` stands for the names that it takes, as `cli.options.NAMES` lists them.
-      metavar: that stands for its value in the help; nothing: it is a flag.
-      group: title in the help below which it stands.
-      told: whether every planner is told of it, as PLANNER_OPTIONS are.
+    `{names}` in the text are those of `cli.options.NAMES`; no metavar: a flag; `group`: its title in the help; `told`:
+    planners are told of it, see PLANNER_OPTIONS.
     """
     return dataclasses.field(default=default, metadata={"help": text, "metavar": metavar, "group": group, "told": told})
 
@@ -157,10 +146,7 @@ class Uncopied:
 
 
 class Remade(Uncopied):
-    """Base of what is copied and pickled by making it again: the copy is new, and shares no state with the original.
-
-    A subclass notes with `_note_call` the calls after which another one is to be made.
-    """
+    """Base of what is copied and pickled by making it again, with the calls that it noted with `_note_call`."""
 
     _made_of: tuple[tuple[Any, ...], dict[str, Any]]
     _calls_since: dict[Any, tuple[Any, ...]]

@@ -50,11 +50,7 @@ class CarLimits:
 
 
 def as_action(given: Any) -> str:
-    """Return the name of what an action is, "steering,speed" by default.
-
-    Raises:
-      SettingsError: it is no such name.
-    """
+    """Return the name of what an action is, "steering,speed" by default; SettingsError: it is no such name."""
     parts = [part.strip() for part in given.split(",")] if isinstance(given, str) else []
     if len(parts) != len(ACTIONS) or any(part not in known for part, known in zip(parts, ACTIONS, strict=True)):
         accepted = " or ".join(ACTIONS[0]) + ", a comma, " + " or ".join(ACTIONS[1])
@@ -117,9 +113,7 @@ class ActionBounds:
 class ActionReader:
     """Converts the actions of n cars to commands, from tick to tick.
 
-    Attributes:
-      previous: last actions, within their bounds (n, 2); before the first, 0 or the bound next to it.
-      planned: commands that the actions correct (n, 2), written by others; (0, 2): they correct none.
+    `previous` (n, 2) are the last actions within their bounds, `planned` (n, 2) or (0, 2) the commands they correct.
     """
 
     def __init__(self, bounds: ActionBounds, count: int) -> None:
@@ -146,11 +140,7 @@ class ActionReader:
                 self._unknown[rows] = False
 
     def given(self, actions: ArrayLike) -> FloatArray:
-        """Return the actions of n cars as an array (n, 2).
-
-        Raises:
-          MessageError: they are no numbers, or an array of another shape.
-        """
+        """Return the actions of n cars as an array (n, 2); MessageError: no numbers, or another shape."""
         try:
             given = np.ascontiguousarray(actions, np.float64)
         except (TypeError, ValueError, OverflowError) as error:
@@ -173,13 +163,9 @@ class ActionReader:
     def read(
         self, actions: ArrayLike, taken: NDArray[np.bool_], commands: FloatArray, clipped: NDArray[np.int64]
     ) -> None:
-        """Convert the actions (n, 2) of n cars to commands of a tick (n, 2) [rad, m/s]; count the clipped ones (n,).
+        """Convert actions (n, 2) of cars `taken` to commands of a tick (n, 2) [rad, m/s]; count the clipped ones (n,).
 
-        Args:
-          taken: (n,) whose actions count; the others may be anything.
-
-        Raises:
-          MessageError: a NaN, or an array of another shape.
+        MessageError: a NaN, or another shape.
         """
         bounds = self.bounds
         self.refuse(read_actions(
@@ -209,11 +195,7 @@ class ActionReader:
 
 
 def one_action(action: Any, said: str, bounds: ActionBounds) -> FloatArray:
-    """Return one action as an array (2,).
-
-    Raises:
-      MessageError: it is not two numbers; the message begins with `said`.
-    """
+    """Return one action as an array (2,); MessageError, that begins with `said`: it is not two numbers."""
     try:
         given = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -224,11 +206,7 @@ def one_action(action: Any, said: str, bounds: ActionBounds) -> FloatArray:
 
 
 def checked_speeds(car: CarParameters | CarLimits, speed_range: Any) -> tuple[float, float]:
-    """Return the least and the greatest speed that may be commanded [m/s].
-
-    Raises:
-      SettingsError: a range beyond the car's.
-    """
+    """Return the least and the greatest speed that may be commanded [m/s]; SettingsError: a range beyond the car's."""
     if speed_range is None:
         return car.min_speed, car.max_speed
     try:

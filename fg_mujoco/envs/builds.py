@@ -137,9 +137,8 @@ Key = tuple[int, tuple[tuple[str, Value], ...]]
 class Builds:
     """Makes the builds of a plan, ahead of their use in a thread of its own, and keeps those used last.
 
-    Args:
-      worlds: that are driven, n. Twice as many builds are made ahead at most; the oldest that nobody asked for are
-        dropped. Where each episode has a build of its own, n are kept, as none is used again.
+    For n worlds twice as many are made ahead at most; the oldest that nobody asked for are dropped. Where each episode
+    has a build of its own, n are kept, as none is used again.
     """
 
     def __init__(self, plan: BuildPlan, forget: Callable[[Build], None], worlds: int) -> None:

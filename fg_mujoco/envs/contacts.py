@@ -32,14 +32,9 @@ _TIRES = USERDATA * len(WHEELS)
 
 
 class Contacts:
-    """The touches of all cars of an engine (r,), which end no race.
+    """The touches of all cars of an engine (r,), which end no race: `counts` in the episode, `touched_at` [s] the last.
 
-    `crashed` of the engine then says who began to touch something in the last tick, half a second after the last touch.
-
-    Attributes:
-      counts: touches since the episode began (r,).
-      touched_at: when a car touched something last, -inf: not yet (r,) [s].
-      began: who began to touch something in the last tick (r,).
+    `began`, and `crashed` of the engine, say who began to touch something in the last tick, .5 s after the last touch.
     """
 
     def __init__(self, engine: Engine, on_contact: str) -> None:

@@ -63,11 +63,7 @@ def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
 class Opponents:
     """Planners and policies that drive the last cars of each world: Planners of the `rows` (n, opponents) of an engine.
 
-    `settings` say what policies see and answer; they see nothing privileged.
-
-    Raises:
-      ControllerError: a planner that cannot be built.
-      SettingsError: a range of speeds that a policy's car does not have.
+    `settings` say what policies see and answer, nothing privileged. ControllerError, SettingsError: who cannot drive.
     """
 
     def __init__(

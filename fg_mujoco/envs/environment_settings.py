@@ -13,18 +13,19 @@ from ..course.moving_obstacles import MovingObstacle, moving_or_text
 from ..course.obstacles import Obstacle, obstacles_or_count
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
-from ..messages import require, require_whole
+from ..messages import require, require_whole, shown
 from ..racing.entries import GRIDS, Entry
-from ..racing.randomization import Randomization
+from ..racing.randomization import OF_OPPONENTS, OF_PLANNERS, PLANNER, Randomization, course_range
 from ..racing.resolved import Ground
 from ..racing.setup import FIELD_OF, OF_A_CAR, OF_A_COURSE, Setup
 from ..simulation.cars import WorldCar
+from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.settings import PLANNER_OPTIONS, CarSettings, Start, known_settings
 from ..simulation.world import World
+from ..vehicle.vehicle import Vehicle
 from .actions import DEFAULT_ACTION
 from .contacts import ON_CONTACT
-from .drawn_settings import all_opponents, read_randomization
 from .end_conditions import EndCondition, as_end_conditions
 from .environment_opponents import as_entries
 from .observation_description import DEFAULT_OBSERVATION, Observation, as_privileged
@@ -262,3 +263,60 @@ def _settings_of(setup: Setup) -> dict[str, Any]:
         | ({"opponents": setup.entries[1:]} if len(setup.entries) > 1 else {})
         | ({} if first.start is None else {"start": first.start})
     )
+
+
+def read_randomization(
+    given: Any, track: Course | str | Sequence[Course | str], settings: CarSettings, *, laps: int, opponents: int
+) -> Randomization:
+    """Return what an environment draws; a list of tracks is the range of the track.
+
+    SettingsError: a name that is not drawn or is given, too, or a value that cannot be had; TrackError: such a course.
+    """
+    if not isinstance(given, (Mapping, Randomization)):
+        raise SettingsError(f'randomize is {shown(given)}; accepted: ranges by name, such as {{"mu": (0.5, 1.1)}}')
+    made = given if isinstance(given, Randomization) else Randomization.of(given)
+    if isinstance(track, (list, tuple)):
+        courses = course_range(track)
+        if made.ranges.get("track", courses) != courses:
+            raise SettingsError("track is a list, and in randomize; accepted: one of them")
+        made = Randomization({**made.ranges, "track": courses})
+    elif "track" in made.ranges and track != "oval":
+        raise SettingsError("track is given for all worlds and in randomize; accepted: one of them")
+    if "opponents" not in made.ranges and opponents == 0:
+        made.require_usable("an environment", OF_OPPONENTS, "it has no opponents")
+    if made.ranges and made != given:
+        check_randomization(made, settings, laps=laps)
+    return made
+
+
+def check_randomization(randomization: Randomization, settings: CarSettings, *, laps: int) -> None:
+    """Refuse what an environment of some settings cannot draw; arguments and errors as of `read_randomization`."""
+    ranges = randomization.ranges
+    randomization.require_usable("an environment", (*OF_PLANNERS, PLANNER), "a policy drives in the planner's place")
+    if "patches" in ranges and "patch_mu" not in ranges:
+        raise SettingsError("randomize patches without patch_mu; accepted: the range of their friction, too")
+    if "patch_mu" in ranges and settings.patches:
+        raise SettingsError("patches is given for all worlds and patch_mu in randomize; accepted: one of them")
+    randomization.check_base(settings, besides=("track", "opponents"))
+    drawn = ranges["vehicle"].extremes if "vehicle" in ranges else (settings.car,)
+    vehicles = [Vehicle.load(vehicle) for vehicle in drawn]  # type: ignore[arg-type]
+    for vehicle in vehicles[1:]:
+        if vehicle.lidar.beams.geometry != vehicles[0].lidar.beams.geometry:
+            names = f"{vehicles[0].name!r} and {vehicle.name!r}"
+            raise SettingsError(f"randomize vehicle: {names} have LiDARs with other beams; accepted: the same in all")
+    for source in dict.fromkeys(ranges["track"].extremes if "track" in ranges else ()):
+        if not str(source).startswith("random:"):
+            for vehicle in vehicles:
+                course = load_track(str(source), car=vehicle.parameters)
+                course.check_car(vehicle.parameters)
+                laps_to_drive(course, laps)
+
+
+def all_opponents(randomization: Randomization, given: Sequence[Entry]) -> tuple[Any, ...]:
+    """Return the opponents of each world, of which as many take part in an episode as it draws."""
+    ranges = randomization.ranges
+    if "opponents" not in ranges:
+        return tuple(given)
+    most = max(int(number) for number in ranges["opponents"].extremes)
+    who = ranges["opponent"].extremes[0] if "opponent" in ranges else "gap_finder"
+    return (*given, *[who] * (most - len(given)))

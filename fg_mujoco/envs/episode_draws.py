@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +21,8 @@ from ..racing.randomization import PARAMETERS, Choice, Randomization, generator
 from ..simulation.settings import Start, as_part
 from ..vehicle.changes import CarChanges
 from .builds import BUILT, Build, BuildPlan, Builds, Values
-from .drawn_settings import check_randomization
+from .environment_settings import EnvironmentSettings, check_randomization
 from .starts import DrawnStart
-
-if TYPE_CHECKING:
-    from .environment_settings import EnvironmentSettings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,9 +120,7 @@ def _start(fields: Mapping[str, Any], values: Mapping[str, Any]) -> DrawnStart:
 def read_options(options: Mapping[str, Any] | None, randomization: Randomization) -> tuple[Start | None, Values]:
     """Return the start, and the values of parameters by name, that the options of a reset give for this episode.
 
-    Raises:
-      SettingsError: an option that is neither `start` nor drawn, or one that cannot be had.
-      TrackError: a course that cannot be built.
+    SettingsError: neither `start` nor drawn, or what cannot be had; TrackError: a course that cannot be built.
     """
     given: Values = {}
     start: Start | None = None

@@ -1,7 +1,4 @@
-"""Episodes in some worlds, for all environments: actions in; observations, rewards and ends out.
-
-All arrays have a row for each car that learns: with one in each world, for each world.
-"""
+"""Episodes in some worlds, for all environments: each array has a row for each car that learns, in order of worlds."""
 
 from __future__ import annotations
 
@@ -167,9 +164,7 @@ class Episodes:
     ) -> None:
         """Begin the episodes in the worlds `which` (n,); the generators of the others are not touched.
 
-        Raises:
-          SettingsError: a start in a wall or an obstacle.
-          TrackError: a course that is given cannot be driven.
+        SettingsError: a start in a wall or an obstacle; TrackError: a given course that cannot be driven.
         """
         starts: list[Start] = []
         seeds: list[int] = []

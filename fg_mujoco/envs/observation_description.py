@@ -60,11 +60,7 @@ _WHOLE = ("history", "every")  # options that are whole numbers
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A part of an observation.
-
-    Raises:
-      SettingsError: an option that is out of its range, or that only the scan has.
-    """
+    """A part of an observation; SettingsError: an option that is out of its range, or that only the scan has."""
 
     term: Term
     beams: int | None = None  # of the scan, evenly chosen; None: every `beam_step`-th
@@ -199,8 +195,7 @@ DEFAULT_OBSERVATION = Observation.of(DEFAULT_OBSERVATIONS)
 def as_privileged(given: Any) -> tuple[ObservationTerm, ...]:
     """Return the terms of a text such as "pose,offset,mu", or of a list of names and ObservationTerms.
 
-    Raises:
-      SettingsError: no such list, a name that is none or that a car senses itself, or the same name twice.
+    SettingsError: no such list, a name that is none or that a car senses itself, or one twice.
     """
     listed = [each for each in given.split(",") if each.strip()] if isinstance(given, str) else given
     if not isinstance(listed, Iterable) or isinstance(listed, (bytes, dict)):
@@ -222,9 +217,7 @@ def even_beams(count: int, chosen: int) -> NDArray[np.int64]:
     """Return which beams are seen, evenly chosen: from the first to the last, and on both sides the same. Shape (n,).
 
     Beam k of n is at k (count - 1) / (n - 1), rounded; the left half mirrors the right. One alone is straight ahead.
-
-    Raises:
-      SettingsError: more than the LiDAR has.
+    SettingsError: more than the LiDAR has.
     """
     if not 1 <= chosen <= count:
         raise SettingsError(f"observation has beams:{chosen} of {count}; accepted: beams:1 to beams:{count}")

@@ -162,11 +162,7 @@ class PolicyInterface:
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> PolicyInterface:
-        """Return the interface that `described()` has described.
-
-        Raises:
-          SettingsError: it is no such description.
-        """
+        """Return the interface that `described()` has described; SettingsError: it is no such description."""
         return as_part(described, cls, "the policy's interface")
 
     def described(self) -> dict[str, Any]:
@@ -205,11 +201,7 @@ class PolicyInterface:
         )  # fmt: skip
 
     def base_planners(self, beams: Beams, count: int) -> Any:
-        """Return the BasePlanners of so many cars whose commands the actions correct; None: they correct none.
-
-        Raises:
-          SettingsError: they cannot be built.
-        """
+        """Return BasePlanners of so many cars that the actions correct, or None; SettingsError: there are none such."""
         return None if self.residual is None else self.residual.planners(self.planner_context, beams, count)
 
     def observer(
@@ -245,20 +237,12 @@ class PolicyInterface:
         return replace(self, observation=replace(self.observation, parts=plain))
 
     def driver(self) -> PolicyDriver:
-        """Return what drives a car by the policy.
-
-        Raises:
-          SettingsError: the policy needs what a car does not sense.
-        """
+        """Return what drives a car by the policy; SettingsError: the policy needs what a car does not sense."""
         return PolicyDriver(self)
 
 
 class PolicyDriver:
-    """One car that a policy drives: its readings become observations, and actions become commands.
-
-    Raises:
-      SettingsError: the policy needs what a car does not sense.
-    """
+    """One car that a policy drives: its readings become observations, and actions become commands."""
 
     def __init__(self, interface: PolicyInterface) -> None:
         interface.require_on_board()
@@ -304,11 +288,7 @@ class PolicyDriver:
         return DriveCommand(steering_angle=steering, speed=speed)
 
     def observe(self, scan: LaserScan, odometry: Odometry) -> Any:
-        """Return the observation of a step, as the environment has it.
-
-        Raises:
-          MessageError: a scan of another LiDAR, or a sensor that is missing.
-        """
+        """Return a step's observation as the environment has it; MessageError: another LiDAR's scan, or no sensor."""
         self._check(scan, odometry)
         for name in ODOMETRY.names or ():
             self._row[name] = getattr(odometry, name)

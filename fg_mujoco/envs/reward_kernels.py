@@ -119,10 +119,8 @@ def sum_terms(
 ) -> int:
     """Bound the costs of a tick that are `running` (k,), and write the rewards (n,); arguments as of `reward_ticks`.
 
-    Of terms (2, k, n) that `reward_ticks` has not written, the values of the worlds that were not driven become 0.
-
-    Returns:
-      Where the first value that is not finite is, counted through the rows of the terms; -1: all is written.
+    Of terms that `reward_ticks` has not written, the values of worlds that were not driven become 0. Returns where the
+    first value that is not finite is, counted through the rows of the terms; -1: all is written.
     """
     count = len(driven)
     for term in range(4, len(running)):
@@ -170,12 +168,8 @@ def read_sensors(
 ) -> None:
     """Write the parts of an observation that are read off sensors, within their bounds `low` and `high` (k,).
 
-    Args:
-      ranges, odometry: (n stride, beams) [m], as in LaserScan, and (n stride, m) numbers of ODOMETRY.
-      actions, planned: (n, 2) of the policies, and commands of planners; none are needed where no column is of them.
-      columns: (k,) the numbers of the odometry that are seen; from m on, of the action, and of the planner.
-      scan: (n, beams seen) [m], written to: no return reads `range_max` [m], too close or failed reads 0.
-      values: (n, k) written to.
+    `columns` (k,) are numbers of the odometry; from its number on, of the actions, and of planners, which are needed
+    where a column is of them. In the `scan` (n, beams seen) [m] no return reads `range_max`, too close or failed 0.
     """
     width = odometry.shape[1]
     for i in range(len(scan)):

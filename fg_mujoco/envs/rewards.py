@@ -41,11 +41,7 @@ which it begins to count, and counts in full."""
 
 
 def reward(function: RewardFunction) -> RewardFunction:
-    """Register a reward term by the name of its function, for use as a decorator.
-
-    Raises:
-      SettingsError: a bundled term has that name.
-    """
+    """Register a term by its function's name, for use as a decorator; SettingsError: a bundled term has that name."""
     name = function.__name__
     if name in REWARDS and REWARDS.find(name).__module__ == __name__:
         raise SettingsError(f"reward term {name!r} is a bundled one; accepted: another name")
@@ -112,9 +108,8 @@ def speed(state: TickState) -> FloatArray:
 def drift(state: TickState) -> FloatArray:
     """Time in a drift [s], from 0 to the duration of the tick: the sideslip's share times the speed's.
 
-    The sideslip angle of the centre of gravity counts from 0.25 rad, a little more than any car has that rolls round a
-    bend without sliding, in full from 0.6 to 1.2 rad, and no more from 1.57 rad on, where the car goes backward. The
-    speed counts from 0.5 m/s, in full from 2 m/s.
+    Sideslip of the centre of gravity counts from 0.25 rad, a little more than any car has in a bend without sliding, in
+    full from 0.6 to 1.2 rad, no more from 1.57 rad on, backward; speed from 0.5 m/s, in full from 2 m/s.
     """
     ahead, left = state.speed, state.lateral_speed + state.car.rear_axle_distance * state.yaw_rate
     angle = np.abs(np.arctan2(left, ahead))
@@ -300,11 +295,7 @@ class Rewards:
 
 
 def write_values(term: RewardTerm, state: TickState, found: FloatArray) -> None:
-    """Write what a term adds to the rewards of a tick, to `found` (n,); for `sum_terms`, which refuses NaN and inf.
-
-    Raises:
-      SettingsError: the function returned something else than one number for each car.
-    """
+    """Write what a term adds to a tick's rewards to `found` (n,); SettingsError: it returned no number for each car."""
     values = np.asarray(term.function(state))
     if values.shape != found.shape or values.dtype.kind not in "biuf":
         raise SettingsError(

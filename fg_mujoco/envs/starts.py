@@ -32,12 +32,9 @@ class DrawnStart:
 
 
 class StartGrid:
-    """Starts of the cars of a world: one alone at the start, several on a grid behind it.
+    """Starts of the cars of a world: one alone at the start, several on a grid behind it, the `learners` first.
 
-    Args:
-      fixed: where the first place of the grid is in all episodes; None: at a random place.
-      own: of each car that has a start of its own, that; None for those on the grid.
-      learners: how many cars learn; the others are the last ones.
+    The first place of the grid is `fixed`, or random; `own` has each car's own start, or None.
     """
 
     def __init__(
@@ -63,8 +60,7 @@ class StartGrid:
     ) -> list[Start]:
         """Return where each car starts, from `start` or the settings, and what is `drawn` at attempts from 0.
 
-        Raises:
-          SettingsError: a car would start in a wall, in an obstacle or in another car.
+        SettingsError: a car would start in a wall, in an obstacle or in another car.
         """
         fixed = start or self._fixed
         now = None if drawn is None else drawn(0)

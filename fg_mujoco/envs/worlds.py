@@ -132,11 +132,7 @@ class Worlds:
     def draw(
         self, which: Mask, generators: Sequence[np.random.Generator], given: Mapping[str, Any]
     ) -> list[EpisodeDraw] | None:
-        """Draw the episodes of the worlds `which` (n,) and make these what was drawn; None: nothing is drawn.
-
-        Raises:
-          TrackError, SettingsError: what cannot be driven.
-        """
+        """Draw the episodes of the worlds `which` (n,) and make these what was drawn; None: nothing is drawn."""
         if self._draws is None:
             return None
         worlds = np.flatnonzero(which).tolist()
@@ -158,11 +154,7 @@ class Worlds:
     def begin(
         self, which: Mask, starts: Sequence[Start], seeds: Sequence[int], draws: Sequence[EpisodeDraw] | None = None
     ) -> None:
-        """Place the cars of the worlds `which` (n,); one start and one seed of the LiDAR's noise for each of them.
-
-        Raises:
-          ControllerError: the planner of an opponent raises in its `reset`.
-        """
+        """Place the cars of the worlds `which` (n,); one start and one seed of the LiDAR's noise for each of them."""
         worlds = int(np.count_nonzero(which))
         effects, drifts = self._effects * worlds, self._drifts * worlds
         if draws is not None:

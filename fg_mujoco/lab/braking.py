@@ -1,8 +1,4 @@
-"""Stops: straight ahead and on a circle, by the motor alone and with the planners' friction limiter.
-
-`motor` commands a speed of 0 at once; the drive line shares what the motor brakes. `limiter` lets the friction limiter
-choose the braking. On a circle the car corners with half of its grip when the stop begins, and keeps its steering.
-"""
+"""Stops, straight ahead and on a circle at half of the grip: by the motor alone, and with the friction limiter."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""A drive without a planner: commands over time, or a manoeuvre, on open ground.
-
-Commands are sampled once a tick, 25 ms, as a planner's are, and held until the next. The result is that of a race
-without laps, and is written, replayed, reported and rendered like one.
-"""
+"""A drive without a planner: commands over time, or a manoeuvre, on open ground, with the result of a race."""
 
 from __future__ import annotations
 

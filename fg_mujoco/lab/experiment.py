@@ -1,8 +1,4 @@
-"""An experiment of the friction lab: cells of work, the rows that they yield, and what is said of them.
-
-A cell is some seconds of work on one core, described completely by itself and the settings, so that any process can
-measure it.
-"""
+"""An experiment of the friction lab: cells of work of some seconds, which any process can measure, and their rows."""
 
 from __future__ import annotations
 
@@ -49,12 +45,7 @@ Row: TypeAlias = dict[str, "float | int | str | bool | None"]
 
 @dataclass(frozen=True, kw_only=True)
 class LabSettings:
-    """Settings that all experiments share.
-
-    Raises:
-      SettingsError: a friction, a steering angle or a law that no cell can be measured with.
-      TrackError: a course that there is not.
-    """
+    """Settings that all experiments share; SettingsError, TrackError: one that no cell can be measured with."""
 
     entry: Entry = field(default_factory=Entry)  # the car, its tires and floor; its planner in laps and mismatch
     law: str = DEFAULT_LAW  # a name, or FILE.py:NAME, see `load_law`

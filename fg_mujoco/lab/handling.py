@@ -1,9 +1,4 @@
-"""Figures of a drive's motion: greatest lateral acceleration, sideslip and yaw rate, and what a manoeuvre is for.
-
-    print(handling(drive("brake[speed=4]")))
-
-Lateral acceleration and sideslip are those at the centre of gravity, as in the telemetry.
-"""
+"""Figures of a drive's motion: greatest lateral acceleration, sideslip and yaw rate, and what a manoeuvre is for."""
 
 from __future__ import annotations
 

@@ -59,11 +59,7 @@ class Limits(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class PointMass:
-    """One mass on one friction circle, pushed by the car's actuator.
-
-    Raises:
-      SettingsError: a friction coefficient or a speed that is not positive.
-    """
+    """One mass on one friction circle, pushed by the car's actuator; SettingsError: a number that is not positive."""
 
     mu: float  # [-]
     car: CarParameters
@@ -99,10 +95,8 @@ def motor_acceleration(car: CarParameters, squared_speed: float) -> float:
 def fastest_speeds(line: Line, limits: Limits) -> FloatArray:
     """Return the speed at each point of the line in the fastest quasi-steady lap. Shape (n,) [m/s].
 
-    A step gains or loses 2 a ds of the speed squared, with the acceleration a at the end that the pass goes to: so more
-    grip is never slower, whatever the steps, and coarse steps err to the side of a shorter lap. Both passes begin at
-    the slowest corner, where the fastest lap has the corner's speed: at less it would everywhere be feasible to go at
-    that.
+    A step gains or loses 2 a ds of the speed squared, with the acceleration a at the end that the pass goes to: coarse
+    steps err to the side of a shorter lap. Both passes begin at the slowest corner, at the corner's speed.
     """
     corner = np.array([limits.corner_speed(curvature) for curvature in line.curvature.tolist()])
     squared = np.minimum(corner, limits.max_speed) ** 2
@@ -139,14 +133,9 @@ def lap_time(line: Line, speeds: FloatArray) -> float:
 def smooth_line(points: FloatArray, tolerance: float, spacing: float = _SPACING) -> Line:
     """Return the smoothest closed line that stays within `tolerance` [m] of a row of points (n, 2) [m].
 
-    The row is closed by the cubic spline through the points, which the line is compared with.
-
-    The periodic smoothing spline of the fifth degree: of all lines as near to the points, that of the least integral of
-    the squared change of curvature. On even points it is a low-pass filter, 1 / (1 + (k / k0)^6) (Wahba, "Spline models
-    for observational data", 1990, section 2.1), whose k0 is found by bisection; derivatives are exact.
-
-    Raises:
-      SettingsError: a tolerance that is not positive.
+    It is compared with the closed cubic spline of the points. The periodic smoothing spline of the fifth degree is a
+    low-pass filter on even points, 1 / (1 + (k / k0)^6) (Wahba, "Spline models for observational data", 1990, section
+    2.1), whose k0 is found by bisection; derivatives are exact. SettingsError: a tolerance that is not positive.
     """
     if not 0.0 < tolerance < math.inf:
         raise SettingsError(f"tolerance is {tolerance!r} m; accepted: a positive number")

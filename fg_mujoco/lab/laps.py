@@ -79,10 +79,7 @@ def best_flying_lap(laps: CarResult) -> int:
 
 
 def driven_lap(laps: CarResult, lap: int, car: CarParameters) -> FloatArray:
-    """Return the centre of gravity at each tick of a lap, from 2 on, as a closed line. Shape (n, 2) [m].
-
-    A lap ends some millimetres beside where it began: that gap is spread over the lap.
-    """
+    """Return the centre of gravity in a lap from 2 on (n, 2) [m]; the gap of some mm is spread over the lap."""
     heading = laps.column("heading_rad")
     ahead = np.stack((np.cos(heading), np.sin(heading)))
     points = (np.stack((laps.column("x_m"), laps.column("y_m"))) + car.rear_axle_distance * ahead).T

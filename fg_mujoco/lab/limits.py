@@ -48,8 +48,7 @@ _LEAST_LOAD = 1e-3  # of the weight, which a wheel that has lifted keeps
 class SteadyLimits:
     """A rigid car on steady circles of one steering angle. Speeds are those of the rear axle [m/s].
 
-    A limit that the car does not meet up to HIGH is infinite. All is NaN for the model `contact`, whose creep is
-    MuJoCo's, and `slides` for tires without a peak.
+    A limit not met up to HIGH is infinite. NaN for the model `contact`, and `slides` for tires without a peak.
     """
 
     speed: FloatArray  # (n,) rising

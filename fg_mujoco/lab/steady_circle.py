@@ -22,8 +22,7 @@ from ..vehicle.car import WHEELS
 from ..vehicle.changes import CarChanges
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .lab_ground import LabGround
-from .trace import Trace, join
+from .lab_ground import LabGround, Trace, join
 
 _PERIOD = 0.02  # [s] of the speed's control: whole steps of 0.25 to 5 ms
 _GAIN = 3.0  # [1/s] of the command's rate, per missing speed: slower than the speed servo, so that it does not swing
@@ -114,10 +113,7 @@ class SteadyCircle:
     ) -> tuple[CircleReading, CircleReading]:
         """Return the last reading before something `happens` and the first after, no farther than `width` apart in k.
 
-        From `low` upwards it goes in steps, so that the car is driven no farther beyond the limit than it must be.
-
-        Raises:
-          UnreachableError: it happens at `low`, or not up to `high`, or the car does not get there.
+        From `low` it goes up in steps. UnreachableError: it happens at `low`, or not up to `high`, or k is not reached.
         """
         if happens(self.at(low)):
             raise UnreachableError(f"it happens at {low:g} of the law's speed already")

@@ -88,9 +88,7 @@ def mounted_pose(
 ) -> None:
     """Write position (3,) and rotation (3, 3), in the world, of what is fixed to a free body, or kept level.
 
-    Args:
-      pose: (7,) of the free body: position [m] and quaternion wxyz, as a free joint has them in `qpos`.
-      offset_position, offset_rotation: (3,) [m] and (3, 3), in the free body's frame.
+    `pose` (7,) has position [m] and quaternion wxyz of the free body, in whose frame the offsets are.
     """
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
     if level:

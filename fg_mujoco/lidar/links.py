@@ -75,12 +75,7 @@ def place_links(
     positions: FloatArray,
     rotations: FloatArray,
 ) -> None:
-    """Write where the bodies are that `links` (n,) were made for, in the world's frame; `poses` (n, 7) is room.
-
-    Args:
-      positions: (bodies, 3) [m], written to.
-      rotations: (bodies, 3, 3), written to.
-    """
+    """Write where bodies of `links` (n,) are: positions (bodies, 3) [m], rotations (bodies, 3, 3); `poses` is room."""
     for i in range(len(links)):
         link = links[i]
         if link.kind == _FREE:

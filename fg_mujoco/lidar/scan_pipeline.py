@@ -203,10 +203,9 @@ class PoseHistory:
             self._poses.popleft()
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions (n, 3) [m] and quaternions (n, 4) wxyz at `times` (n,) [s].
+        """Return positions (n, 3) [m] and quaternions (n, 4) wxyz at `times` (n,) [s]; outside, the first and the last.
 
-        Linear between recorded positions, slerp between orientations; before the first pose it is the first, after
-        the last the last. A body that was put elsewhere from one step to the next is nowhere in between.
+        A body that was put elsewhere from one step to the next is nowhere in between.
         Source: Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985.
         """
         known = np.array([pose[0] for pose in self._poses])

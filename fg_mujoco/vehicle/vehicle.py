@@ -217,8 +217,7 @@ def _bundled(name: str) -> Vehicle:
 @lru_cache(maxsize=32)
 def _checked(name: str, file: str, text: str, folder: Path) -> Vehicle:
     """Return the vehicle of a user's MJCF, which is checked; `folder` is where its files may lie."""
-    from .contract import check_model, check_names, hint_at_another
-    from .drive_check import check_drive
+    from .contract import check_drive, check_model, check_names, hint_at_another
 
     where = f"vehicle file {file}"
     check_names(parsed(text, where, hint_at_another), where)

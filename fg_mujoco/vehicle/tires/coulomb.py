@@ -11,22 +11,18 @@ Source: P. Dahl, "A solid friction model" (1968); the bound on the deflection is
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 from ...compiled.kernels import kernel
-from ...errors import SettingsError
-from ...messages import FloatArray, require
-from .law import Law, with_sign
+from ...messages import FloatArray
+from .law import Layer
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coulomb(Law):
-    """Coulomb friction of bristles.
-
-    Raises:
-      SettingsError: a value that no tire has.
-    """
+class Coulomb(Layer):
+    """Coulomb friction of bristles; SettingsError: a value that no tire has."""
 
     model: ClassVar[str] = "coulomb"
     holds: ClassVar[bool] = True
@@ -35,8 +31,7 @@ class Coulomb(Law):
     stiffness: float  # [1/rad] force over friction times load, by slip, of a tire that holds
 
     def __post_init__(self) -> None:
-        require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
-        require(self, lambda v: 1.0 <= v <= 1000.0, "1 to 1000 per rad", ("stiffness",), SettingsError)
+        self._require("1 to", lambda v: v >= 1.0)
 
     @classmethod
     def needed(cls) -> tuple[str, ...]:
@@ -45,22 +40,12 @@ class Coulomb(Law):
 
     def force(self, slip: float) -> float:
         """Return the force over the load [-] at a slip [rad or -], which has its sign."""
-        return with_sign(self.D * min(self.stiffness * abs(slip), 1.0), slip)
-
-    @property
-    def slope(self) -> float:
-        """Force over the load for each rad of slip, at none [1/rad]."""
-        return self.D * self.stiffness
+        return math.copysign(self.D * min(self.stiffness * abs(slip), 1.0), slip)
 
     @property
     def peak_slip(self) -> float:
         """Slip at which it begins to slide [rad or -]."""
         return 1.0 / self.stiffness
-
-    @property
-    def peak(self) -> float:
-        """Friction [-]."""
-        return self.D
 
     @property
     def numbers(self) -> tuple[float, ...]:

@@ -10,13 +10,14 @@ NxTireFunctionDesc in PhysX 2.8, which the curve comes from.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from ...compiled.kernels import kernel
 from ...errors import SettingsError
 from ...messages import FloatArray, require
-from .law import Law, with_sign
+from .law import Law
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,7 @@ class FrictionCurve(Law):
         behind = (abs(slip) - self.extremum_slip) / (self.asymptote_slip - self.extremum_slip)
         y = min(max(behind, 0.0), 1.0)
         fallen = (self.extremum_value - self.asymptote_value) * y**2 * (3.0 - 2.0 * y)
-        return with_sign(self.extremum_value * (x + x**2 - x**3) - fallen, slip)
+        return math.copysign(self.extremum_value * (x + x**2 - x**3) - fallen, slip)
 
     @property
     def slope(self) -> float:

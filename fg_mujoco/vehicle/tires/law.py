@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ...messages import FloatArray
+from ...errors import SettingsError
+from ...messages import FloatArray, require
 
 NUMBERS = 197
 """Number of values of a law that a kernel gets."""
@@ -98,6 +99,22 @@ class Law:
         return found
 
 
-def with_sign(force: float, slip: float) -> float:
-    """Return a force with the sign of a slip."""
-    return math.copysign(force, slip)
+class Layer(Law):
+    """A law of a friction D over the load, and of a stiffness over that."""
+
+    D: float
+    stiffness: float
+
+    @property
+    def slope(self) -> float:
+        """Force over the load for each rad of slip, at none [1/rad]."""
+        return self.D * self.stiffness
+
+    @property
+    def peak(self) -> float:
+        """Friction [-]."""
+        return self.D
+
+    def _require(self, least: str, accepts: Callable[[float], bool]) -> None:
+        require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
+        require(self, lambda v: accepts(v) and v <= 1000.0, f"{least} 1000 per rad", ("stiffness",), SettingsError)

@@ -10,18 +10,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ...compiled.kernels import kernel
-from ...errors import SettingsError
-from ...messages import FloatArray, require
-from .law import Law
+from ...messages import FloatArray
+from .law import Layer
 
 
 @dataclass(frozen=True, kw_only=True)
-class Linear(Law):
-    """A linear tire.
-
-    Raises:
-      SettingsError: a value that no tire has.
-    """
+class Linear(Layer):
+    """A linear tire; SettingsError: a value that no tire has."""
 
     model: ClassVar[str] = "linear"
     slides: ClassVar[bool] = False
@@ -30,27 +25,16 @@ class Linear(Law):
     D: float  # [-] the friction that its planner assumes
 
     def __post_init__(self) -> None:
-        require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
-        require(self, lambda v: 0.0 < v <= 1000.0, "above 0, up to 1000 per rad", ("stiffness",), SettingsError)
+        self._require("above 0, up to", lambda v: v > 0.0)
 
     def force(self, slip: float) -> float:
         """Return the force over the load [-] at a slip [rad or -], which has its sign."""
         return self.slope * slip
 
     @property
-    def slope(self) -> float:
-        """Force over the load for each rad of slip [1/rad]."""
-        return self.D * self.stiffness
-
-    @property
     def peak_slip(self) -> float:
         """Infinite: there is no peak."""
         return math.inf
-
-    @property
-    def peak(self) -> float:
-        """The friction that its planner assumes [-]."""
-        return self.D
 
     @property
     def numbers(self) -> tuple[float, ...]:

@@ -16,7 +16,7 @@ import numpy as np
 from ...compiled.kernels import kernel
 from ...errors import SettingsError
 from ...messages import FloatArray, require
-from .law import GREATEST_SLIP, Law, with_sign
+from .law import GREATEST_SLIP, Law
 
 _NEAR_PEAK = 0.99  # [-] of a curve's greatest force: where a curve without a falling branch has its peak
 _LEAST_OF_D = 0.9  # [-] a curve that reaches less of D up to GREATEST_SLIP has no peak
@@ -58,7 +58,7 @@ class MagicFormula(Law):
 
     def force(self, slip: float) -> float:
         """Return the force over the load [-] at a slip [rad or -], which has its sign."""
-        return with_sign(self._formula(min(abs(slip), self.hold_slip)), slip)
+        return math.copysign(self._formula(min(abs(slip), self.hold_slip)), slip)
 
     @property
     def slope(self) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from ...compiled.kernels import kernel
 from ...errors import SettingsError
 from ...messages import FloatArray
-from .law import GREATEST_SLIP, Law, with_sign
+from .law import GREATEST_SLIP, Law
 
 CELLS = 96
 """Between the nodes, which are even over the slip's root, and so closer together where it is less. MuJoCo reads at most
@@ -46,7 +46,7 @@ class Sampled(Law):
 
     def force(self, slip: float) -> float:
         """Return the force over the load [-] at a slip [rad or -], which has its sign."""
-        return with_sign(force(np.array(self.table), abs(slip)), slip)
+        return math.copysign(force(np.array(self.table), abs(slip)), slip)
 
     @property
     def slope(self) -> float:
