@@ -95,7 +95,7 @@ def test_the_version_of_pyproject_is_that_of_the_archives_and_of_the_changelog(b
 def test_what_pip_installs_from_the_wheel_races_away_from_the_repository(built, tmp_path):
     """Dependencies are those of this Python; without network, so nothing is fetched.
 
-    Kernels are the checkout's where the sources are: their names say so, wherever the package lies (test_kernels.py).
+    Kernels are the checkout's where the sources are: their names say so, wherever the package lies.
     """
     pytest.importorskip("pip")
     site, empty = tmp_path / "site", tmp_path / "empty"
