@@ -31,10 +31,7 @@ def extent(course: Course, *lines: FloatArray) -> FloatArray:
 
 
 def draw_course(axes: Axes, course: Course, *lines: FloatArray) -> None:
-    """Draw the walls, the start line, an arrow in the direction of driving, and the goal line of an open course.
-
-    There is room for `lines` (n, 2) [m], which are not drawn.
-    """
+    """Draw walls, start line, an arrow ahead, and goal line of a course, with room for `lines` (n, 2) [m]."""
     (left, bottom), (right, top) = extent(course, *lines)
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.grid(False)

@@ -50,12 +50,7 @@ _COMMAND: Any = {"color": "0.55", "linewidth": 0.8}
 
 
 def track_picture(track: Course, path: Target) -> None:
-    """Draw a course from above: its walls, line, start, direction, goal and obstacles.
-
-    Raises:
-      MissingExtraError: matplotlib is not installed.
-      OSError: the file cannot be written.
-    """
+    """Draw a course from above: walls, line, start, direction, goal and obstacles; raise MissingExtraError, OSError."""
     with picture(path, WIDTH, _map_height(track) + 0.6) as figure:
         axes = figure.add_subplot()
         draw_course(axes, track)
@@ -68,17 +63,14 @@ def trace_picture(result: RaceResult, path: Target) -> None:
     """Draw a race: the line coloured by speed; speed, steering and sliding over time; the tires' friction over the lap.
 
     Of the friction utilisation a panel for each tire shows all laps over the place on the lap, the greatest of them,
-    and in red where the tire slid.
-
-    Moving obstacles are drawn where they were at the end. A cross marks where a car turned that went the wrong way,
-    or where it crashed.
+    and in red where the tire slid. Moving obstacles are drawn where they were at the end. A cross marks where a car
+    turned that went the wrong way, or where it crashed.
 
     Of several cars the picture has the lines of all, each in its colour, with a cross where two touched, their speeds,
     their gaps to the leader and their positions over time.
 
     Raises:
-      MissingExtraError: matplotlib is not installed.
-      OSError: the file cannot be written.
+      MissingExtraError, OSError: matplotlib is not installed; the file cannot be written.
     """
     if len(result.cars) > 1:
         _trace_of_several(result, path)
@@ -111,10 +103,7 @@ def trace_picture(result: RaceResult, path: Target) -> None:
 def _panels(
     result: RaceResult, path: Target, title: str, *lines: FloatArray, right: float, tires: int = 0, below: float = 0.0
 ) -> Iterator[tuple[Figure, Axes, list[Axes], list[Axes]]]:
-    """Yield the picture of a race with its map, three panels over time, and panels of tires, to be drawn on.
-
-    All sizes are given, because laying out what is on a picture takes longer than drawing it.
-    """
+    """Yield the picture of a race with its map, three panels over time, and panels of tires, all of given sizes."""
     course, titles = result.world.track, wrap(title, _LONGEST_TITLE)
     heights = [_map_height(course, *lines), *(3 * [_PANEL_HEIGHT]), *(tires * [_TIRE_HEIGHT])]
     rooms = [_BELOW, _BETWEEN, _BETWEEN, _BELOW, *(tires * [_BETWEEN])]
@@ -170,16 +159,13 @@ def _trace_of_several(result: RaceResult, path: Target) -> None:
 
 
 def _headline_of_several(result: RaceResult) -> str:
-    won = "nobody finished" if result.winner is None else f"{result.winner} won in {_winning_time(result):.2f} s"
+    time = sum(next((car.lap_times_s for car in result.cars if car.name == result.winner), ()))
+    won = "nobody finished" if result.winner is None else f"{result.winner} won in {time:.2f} s"
     counts = ", ".join(
         f"{count} {what}{'' if count == 1 else 's'}"
         for count, what in ((len(result.overtakes), "overtake"), (len(result.contacts), "contact"))
     )
     return f"{result.track}, {len(result.cars)} cars, {result.laps_requested} laps: {won}; {counts}"
-
-
-def _winning_time(result: RaceResult) -> float:
-    return sum(next(car for car in result.cars if car.name == result.winner).lap_times_s)
 
 
 def _headline(result: RaceResult) -> str:
@@ -218,10 +204,7 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], model: str, 
 
 
 def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course, model: str) -> None:
-    """Draw each tire's friction utilisation over the place on the lap: every lap, the greatest, and where it slid.
-
-    On a course without end it is drawn over time.
-    """
+    """Draw each tire's friction utilisation over the place on the lap, or the time on a course without end."""
     from matplotlib.patches import StepPatch
 
     outline: Any = {"baseline": None, "fill": False, "linewidth": 1.0}
@@ -317,8 +300,7 @@ def write_run(
       add: adds files to the run, as its report; called with the path of a folder that has all others.
 
     Raises:
-      RunFolderError: the folder is a file, is not empty, or cannot be written.
-      MissingExtraError: a picture is wanted, and matplotlib is not installed.
+      RunFolderError, MissingExtraError: the folder cannot be written; there is no matplotlib for a picture.
     """
     if picture:
         require_matplotlib()

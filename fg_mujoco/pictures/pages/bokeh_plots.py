@@ -24,11 +24,7 @@ _AXIS_HEIGHT = 45  # [px] of the one axis below stacked plots
 
 
 def require_bokeh() -> None:
-    """Make sure that pages with plots can be made.
-
-    Raises:
-      MissingExtraError: bokeh is not installed; the message has the command that installs it.
-    """
+    """Raise MissingExtraError, with the command that installs it, if there is no bokeh."""
     if importlib.util.find_spec("bokeh") is None:
         raise missing_extra("report pages need Bokeh", "report")
 
@@ -56,12 +52,9 @@ def speed_palette() -> tuple[str, ...]:
 
 
 def new_plot(*, along: bool = False, to_scale: bool = False, **settings: Any) -> Figure:
-    """Return an empty plot on nothing, so that the page's colour is its own.
+    """Return an empty plot on nothing, so that the page's colour is its own; `settings` are of bokeh's `figure`.
 
-    Args:
-      along: whether it is moved and zoomed along its horizontal axis alone.
-      to_scale: whether both axes keep the same scale.
-      settings: of bokeh's `figure`.
+    With `along` it is moved and zoomed along its horizontal axis alone; with `to_scale` both axes keep the same scale.
     """
     from bokeh.models import BoxZoomTool
     from bokeh.plotting import figure

@@ -1,17 +1,16 @@
 """Pictures by matplotlib, of the extra `plot`, in one style. In studies theory is a line, and measurements are points.
 
-    with picture("picture.png", WIDTH, 3.4) as figure:
-        axes = figure.add_subplot()
-        theory(axes, speed, limit, "mu g")
-        measured(axes, speed, acceleration, "mu 0.5", colour=COLOURS[0])
-        finish(axes, "speed [m/s]", "acceleration [m/s²]")
+with picture("picture.png", WIDTH, 3.4) as figure:
+    axes = figure.add_subplot()
+    theory(axes, speed, limit, "mu g")
+    measured(axes, speed, acceleration, "mu 0.5", colour=COLOURS[0])
+    finish(axes, "speed [m/s]", "acceleration [m/s²]")
 """
 
 from __future__ import annotations
 
 import importlib.util
 import io
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...course.writing import write_file
-from ...display import Html
 from ...errors import missing_extra
 
 if TYPE_CHECKING:
@@ -56,16 +54,10 @@ _STYLE: Any = {
     "svg.hashsalt": "fg_mujoco",  # the same rows, the same file
 }
 _UNDATED: dict[str, Any] = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}
-_ID = re.compile(r'\bid="([^"]+)"')
-_REFERENCE = re.compile(r'(url\(#|href="#)')
 
 
 def require_matplotlib() -> None:
-    """Make sure that pictures can be made.
-
-    Raises:
-      MissingExtraError: matplotlib is not installed; the message has the command that installs it.
-    """
+    """Raise MissingExtraError, with the command that installs it, if there is no matplotlib."""
     if importlib.util.find_spec("matplotlib") is None:
         raise missing_extra("pictures need matplotlib", "plot")
 
@@ -75,8 +67,7 @@ def picture(path: Target, width: float, height: float, layout: Layout = "constra
     """Yield an empty figure of a size [in], and write it as PNG at the end. A `$` in its texts is a `$`.
 
     Raises:
-      MissingExtraError: matplotlib is not installed.
-      OSError: the file cannot be written.
+      MissingExtraError, OSError: matplotlib is not installed; the file cannot be written.
     """
     require_matplotlib()
     import matplotlib as mpl
@@ -113,25 +104,8 @@ def render(draw: Callable[[Figure], None], height: float, kind: str = "svg") -> 
     return file.getvalue()
 
 
-def inlined(svg: bytes, prefix: str) -> Html:
-    """Return SVG as a part of a page; its ids begin with `prefix`, which is another one for each figure of the page."""
-    text = svg.decode()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
-    text = re.sub(r'\s(xmlns(:\w+)?|width|height)="[^"]*"', "", text, count=4)  # HTML knows; CSS says how wide
-    return Html(_REFERENCE.sub(rf"\g<1>{prefix}-", _ID.sub(rf'id="{prefix}-\1"', text)))
-
-
 def stacked(figure: Figure, heights: Sequence[float], below: Sequence[float], left: float, right: float) -> list[Axes]:
-    """Return axes below each other, the last at the bottom: sizes are inches, so that nothing need be laid out.
-
-    Args:
-      figure: without a layout.
-      heights: of the axes.
-      below: room below each of them.
-      left: where all begin.
-      right: where all end.
-    """
+    """Return axes below each other in a figure without a layout, left to right, with room below each, all [in]."""
     width, height = figure.get_size_inches()
     bottoms = [sum(heights[place + 1 :]) + sum(below[place:]) for place in range(len(heights))]
     return [

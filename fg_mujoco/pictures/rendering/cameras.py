@@ -76,8 +76,7 @@ class View:
     def project(self, points: ArrayLike, size: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
         """Return the places of points (n, 3) [m] in a picture of `size` (width, height) [px].
 
-        Returns:
-          Columns and rows (n, 2) [px] from the upper left corner, and the depth of each (n,) [m], negative behind.
+        Columns and rows (n, 2) [px] from the upper left corner, and the depth of each (n,) [m], negative behind.
         """
         relative = np.atleast_2d(np.asarray(points, dtype=np.float64)) - self.position
         depth = relative @ self.forward
@@ -157,11 +156,7 @@ CAMERAS: dict[str, Camera] = {camera.__name__: camera for camera in (chase, onbo
 
 
 def find_camera(name: str) -> Camera:
-    """Return a camera.
-
-    Raises:
-      SettingsError: an unknown one.
-    """
+    """Return a camera; raise SettingsError for an unknown one."""
     if name not in CAMERAS:
         raise SettingsError(f"camera is {name!r}; {accepted_names(name, CAMERAS)}")
     return CAMERAS[name]

@@ -17,35 +17,28 @@ _GLOW = 0.7  # of its own colour that a shape shows whatever the light
 _ZERO = np.zeros(3)
 
 
-def _new(scene: mujoco.MjvScene, kind: mujoco.mjtGeom, colour: Colour, glow: float) -> mujoco.MjvGeom | None:
+def _new(scene: mujoco.MjvScene, kind: mujoco.mjtGeom, colour: Colour) -> mujoco.MjvGeom | None:
     """Return the next free geom of the scene; None where it is full: shapes added later are left out."""
     if scene.ngeom >= scene.maxgeom:
         return None
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(geom, kind, _ZERO, _ZERO, _NO_MATRIX, np.asarray(colour, dtype=np.float32))
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR
-    geom.emission, geom.specular, geom.shininess = glow, 0.0, 0.0
+    geom.emission, geom.specular, geom.shininess = _GLOW, 0.0, 0.0
     scene.ngeom += 1
     return geom
 
 
-def connect(
-    scene: mujoco.MjvScene, kind: mujoco.mjtGeom, width: float, start: FloatArray, end: FloatArray, colour: Colour
-) -> None:
-    """Add a capsule, a cylinder, an arrow (width in metres) or a line (width in pixels) between two points (3,)."""
-    geom = _new(scene, kind, colour, _GLOW)
-    if geom is not None:
-        mujoco.mjv_connector(geom, kind, width, start, end)
-
-
 def line(scene: mujoco.MjvScene, pixels: float, start: FloatArray, end: FloatArray, colour: Colour) -> None:
-    """Add a line so many pixels wide."""
-    connect(scene, mujoco.mjtGeom.mjGEOM_LINE, pixels, start, end, colour)
+    """Add a line so many pixels wide between two points (3,)."""
+    geom = _new(scene, mujoco.mjtGeom.mjGEOM_LINE, colour)
+    if geom is not None:
+        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_LINE, pixels, start, end)
 
 
 def triangle(scene: mujoco.MjvScene, a: FloatArray, b: FloatArray, c: FloatArray, colour: Colour) -> None:
     """Add a triangle with corners (3,), seen from above."""
-    geom = _new(scene, mujoco.mjtGeom.mjGEOM_TRIANGLE, colour, _GLOW)
+    geom = _new(scene, mujoco.mjtGeom.mjGEOM_TRIANGLE, colour)
     if geom is not None:
         geom.pos, geom.size = a, (1.0, 1.0, 1.0)
         geom.mat = np.column_stack((b - a, c - a, (0.0, 0.0, 1.0)))
@@ -79,7 +72,7 @@ def slat(scene: mujoco.MjvScene, start: FloatArray, end: FloatArray, width: floa
     length = float(np.hypot(along[0], along[1]))
     if length < 1e-9:
         return
-    geom = _new(scene, mujoco.mjtGeom.mjGEOM_BOX, colour, _GLOW)
+    geom = _new(scene, mujoco.mjtGeom.mjGEOM_BOX, colour)
     if geom is not None:
         cos, sin = along[0] / length, along[1] / length
         geom.pos, geom.size = 0.5 * (start + end), (0.5 * length + 0.25 * width, 0.5 * width, 0.0005)
@@ -88,6 +81,6 @@ def slat(scene: mujoco.MjvScene, start: FloatArray, end: FloatArray, width: floa
 
 def sphere(scene: mujoco.MjvScene, centre: FloatArray, radius: float, colour: Colour) -> None:
     """Add a sphere."""
-    geom = _new(scene, mujoco.mjtGeom.mjGEOM_SPHERE, colour, _GLOW)
+    geom = _new(scene, mujoco.mjtGeom.mjGEOM_SPHERE, colour)
     if geom is not None:
         geom.pos, geom.size = centre, (radius, radius, radius)

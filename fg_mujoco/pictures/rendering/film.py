@@ -130,11 +130,7 @@ class Film:
             yield self.frame(float(time))
 
     def frame(self, time: float) -> NDArray[np.uint8]:
-        """Return the picture at a time [s]. Shape (height, width, 3) uint8.
-
-        Raises:
-          SettingsError: a time before the drive or after it.
-        """
+        """Return the picture at a time [s], (height, width, 3) uint8; raise SettingsError outside of the drive."""
         show = self.overlays
         seen = self._eye.at_tick(self.drive.tick_at(time)) if self._eye is not None else None
         data, moment, view = self._look(time)

@@ -41,12 +41,7 @@ class TireForces:
 
 
 class TireForceMeter:
-    """Reads the forces of tires: with a law of ours off `userdata`, of the model `contact` off MuJoCo's contacts.
-
-    Args:
-      model: holds the car.
-      prefix: of its names.
-    """
+    """Reads the forces of a car's tires: those of our laws in `userdata`, those of the model `contact` in contacts."""
 
     def __init__(self, model: mujoco.MjModel, prefix: str = CAR_PREFIX) -> None:
         self._model = model

@@ -68,11 +68,7 @@ class GraphicsContext:
 
 
 def open_context(width: int, height: int) -> GraphicsContext:
-    """Return a context of the first back end that works, made current.
-
-    Args:
-      width: of the greatest picture [px].
-      height: of the greatest picture [px].
+    """Return a context of the first back end that works, made current, for pictures of this size at most [px].
 
     Raises:
       MissingExtraError: none works; the message has the command that installs one.

@@ -47,11 +47,7 @@ USUAL_OVERLAYS = {
 
 
 def find_overlays(camera: str, **switches: bool | None) -> Overlays:
-    """Return the usual overlays of a camera with some switched on or off; None leaves one as it is.
-
-    Raises:
-      SettingsError: an unknown one.
-    """
+    """Return the usual overlays of a camera with some switched on or off, None: as usual; raise SettingsError."""
     unknown = [name for name in switches if name not in OVERLAYS]
     if unknown:
         raise SettingsError(f"overlay {unknown[0]!r} is not known; {accepted_names(unknown[0], OVERLAYS)}")
@@ -63,12 +59,8 @@ def find_overlays(camera: str, **switches: bool | None) -> Overlays:
 def draw_beams(scene: mujoco.MjvScene, seen: PlannerView, origin: FloatArray, pixels: float, height: float) -> None:
     """Add the beams: the part that the planner keeps in the colour of its use, the part cut off in that of the filter.
 
-    Args:
-      scene: to be added to.
-      seen: by the planner.
-      origin: (3,) [m] where they start: the LiDAR moves on after its scan.
-      pixels: width of a line.
-      height: [m] of the gap's surface over the ground.
+    They start at `origin` (3,) [m], as the LiDAR moves on after its scan; a line is so many `pixels` wide, and the
+    gap's surface at a `height` [m].
     """
     scans, scan = seen.intermediate_scans, seen.scan
     raw = np.minimum(scans["raw"], scan.range_max)

@@ -58,12 +58,7 @@ def intermediate_scans(planner: Any, scan: LaserScan) -> dict[str, FloatArray]:
 class PlannerEye:
     """Gives scans of a recorded drive to its planner again.
 
-    Args:
-      drive: the recording.
-      controller: text of the planner; None: that of a drive in this process, and of a run folder none.
-
-    Attributes:
-      missing: why the planner cannot be made; empty if it can, or none is asked for.
+    The planner is that of a text, `controller`, or, without, that of a drive in this process; `missing` says why none.
     """
 
     def __init__(self, drive: Drive, *, controller: str | None = None) -> None:

@@ -25,11 +25,7 @@ QUALITIES = {
 
 
 def find_quality(name: str) -> Quality:
-    """Return a preset.
-
-    Raises:
-      SettingsError: an unknown one.
-    """
+    """Return a preset; raise SettingsError for an unknown one."""
     if name not in QUALITIES:
         raise SettingsError(f"quality is {name!r}; {accepted_names(name, QUALITIES)}")
     return QUALITIES[name]

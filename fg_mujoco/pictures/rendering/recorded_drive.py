@@ -82,11 +82,7 @@ class Drive:
         return from_addons.standings(self.telemetries, self.summary["cars"]) if len(self.telemetries) > 1 else None
 
     def tick_at(self, time: float) -> int:
-        """Return the tick that a time [s] is in.
-
-        Raises:
-          SettingsError: a time before the drive or after it.
-        """
+        """Return the tick that a time [s] is in; raise SettingsError for one outside of the drive."""
         if not -1e-9 <= time <= self.end + 1e-9:
             raise SettingsError(f"time {time:g} s is outside of {self.name}; accepted: 0 to {self.end:.3f} s")
         tick = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
@@ -94,12 +90,7 @@ class Drive:
 
 
 def read_drive(source: Drive | Run | RaceResult | str | Path, car: int = 0) -> Drive:
-    """Return a recording, of one of its cars; a Drive is taken as it is.
-
-    Raises:
-      RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
-      SettingsError: it has no car of that number.
-    """
+    """Return a recording, of one of its cars; a Drive is taken as it is. Raises RunFolderError, SettingsError."""
     if isinstance(source, Drive):
         return source
     if isinstance(source, RaceResult):
@@ -150,15 +141,7 @@ def _start_of(telemetry: FloatArray) -> tuple[float, float] | None:
 
 
 class Player:
-    """Takes a renderer to any time of a drive.
-
-    Args:
-      drive: what was recorded.
-      renderer: of its world.
-
-    Raises:
-      RunFolderError: states that are not of this world.
-    """
+    """Takes a renderer to any time of a drive; raises RunFolderError, when made, for states of another world."""
 
     def __init__(self, drive: Drive, renderer: Renderer) -> None:
         self.drive, self.renderer = drive, renderer
@@ -173,11 +156,7 @@ class Player:
         return self.renderer.set_state(self.drive.states[tick])
 
     def at(self, time: float) -> mujoco.MjData:
-        """Return data at a time [s]: forces and sensors of the physics step that it is in, poses of the time itself.
-
-        Raises:
-          SettingsError: a time before the drive or after it.
-        """
+        """Return data at a time [s]: forces and sensors of the physics step that it is in, poses of the time itself."""
         drive, model = self.drive, self.renderer.model
         tick = drive.tick_at(time)
         data = self.tick_start(tick)

@@ -249,11 +249,7 @@ class Renderer(Uncopied):
         return view
 
     def _let_walls_cast(self) -> None:
-        """Let the faces of walls throw their shadow, and not the tops: together they throw no other.
-
-        A top that throws one throws it on the face below it, too: the shadow map has one depth for the pixel on their
-        common edge, that of the top, and the face under the edge is farther from the sun. So it would be jagged there.
-        """
+        """Let the faces of walls throw their shadow, and not the tops, which would throw jagged ones on the faces."""
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objid in self._tops and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
@@ -289,11 +285,7 @@ class Renderer(Uncopied):
 
 
 def check_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return a size of pictures as two whole numbers.
-
-    Raises:
-      SettingsError: not two, not whole, not positive or too large.
-    """
+    """Return a size of pictures as two whole numbers; raise SettingsError for none, or one that is too large."""
     accepted = f"two whole numbers from 16 to {_LARGEST}, width and height"
     try:
         width, height = (int(pixels) for pixels in size)
@@ -311,10 +303,7 @@ def track_start(world: World) -> tuple[float, float]:
 
 
 def _course_bounds(model: mujoco.MjModel, around: FloatArray | None) -> FloatArray:
-    """Return least and greatest x and y of walls and obstacles (2, 2) [m].
-
-    Without any these are those of `around` (n, 2) [m], and at least of 4 m round the origin.
-    """
+    """Return least and greatest x and y of walls and obstacles (2, 2) [m]; without any, of `around` and 4 m about 0."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     points = []

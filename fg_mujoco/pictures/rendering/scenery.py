@@ -46,11 +46,7 @@ OBSTACLE_COLOUR, MOVING_COLOUR, _WALL = (0.93, 0.45, 0.10, 1.0), (0.80, 0.16, 0.
 
 
 def compile_scenery(xml: str, start: tuple[float, float] | None = None) -> mujoco.MjModel:
-    """Return the model of a world for pictures.
-
-    Args:
-      xml: MJCF text of the world, as `World.xml` and a run folder's scene.xml have it.
-      start: a point on the start line of a track, x and y [m]; None: no line is drawn.
+    """Return the model of a world's MJCF text for pictures, with a start line at a point (2,) [m]; None: without.
 
     Raises:
       ModelError: the text is not of such a world, or the model would not take its states.
@@ -239,11 +235,8 @@ def _light(spec: Any) -> None:
     )  # fmt: skip
     visual = spec.visual
     visual.headlight.active = 1  # without a direction: what reaches into shadows
-    visual.headlight.ambient, visual.headlight.diffuse, visual.headlight.specular = (
-        (0.40, 0.42, 0.45),
-        (0, 0, 0),
-        (0, 0, 0),
-    )
+    visual.headlight.ambient = (0.40, 0.42, 0.45)
+    visual.headlight.diffuse = visual.headlight.specular = (0, 0, 0)
     visual.quality.numslices, visual.quality.numstacks = 10, 6  # of the rods, which 28 would make a fifth of the work
     visual.rgba.haze = (0.86, 0.91, 0.95, 1.0)
     visual.map.haze = 0.25

@@ -32,11 +32,7 @@ Picture = NDArray[np.uint8]
 
 
 def require_pillow() -> None:
-    """Make sure that pictures can be written on and stored.
-
-    Raises:
-      MissingExtraError: Pillow is not installed; the message has the command that installs it.
-    """
+    """Raise MissingExtraError, with the command that installs it, if there is no Pillow."""
     import importlib.util
 
     if importlib.util.find_spec("PIL") is None:
@@ -97,7 +93,7 @@ class _Strip:
         limit: float,
         summary: dict[str, Any],
         car: CarParameters,
-        names: tuple[str, ...] = (),
+        names: tuple[str, ...],
     ) -> None:
         width, pad = self._width, 2 * self._pad
         panels: list[tuple[float, Any]] = [(1.35, lambda x, w: self._lap(x, w, row, time, summary, names))]
@@ -133,7 +129,7 @@ class _Strip:
         row: dict[str, float],
         time: float,
         summary: dict[str, Any],
-        names: tuple[str, ...] = (),
+        names: tuple[str, ...],
     ) -> None:
         laps = int(summary.get("laps_requested", 0))
         endless = "laps_requested" in summary and not laps
@@ -208,10 +204,8 @@ class _Strip:
             names = [
                 name for name in (wheel.replace("_", " "), short) if font.getlength(f"{name} {value}") < 0.88 * each
             ]
-            middle, ink = (
-                upper + 0.5 * high - 0.5,
-                {"font": font, "fill": _WHITE, "stroke_fill": tuple(map(int, _BACK))},
-            )
+            middle = upper + 0.5 * high - 0.5
+            ink: Any = {"font": font, "fill": _WHITE, "stroke_fill": tuple(map(int, _BACK))}
             stroke = max(round(0.09 * font.size), 1)
             self._pen.text((left + 0.05 * each, middle), (names or [short])[0], anchor="lm", stroke_width=stroke, **ink)
             if names:

@@ -37,11 +37,7 @@ _LAST_LINES = 2  # of what ffmpeg complains about
 
 
 def require_encoder() -> str:
-    """Return the path of ffmpeg.
-
-    Raises:
-      MissingExtraError: there is none; the message has the command that installs it.
-    """
+    """Return the path of ffmpeg; raise MissingExtraError, with the command that installs it, if there is none."""
     if importlib.util.find_spec("imageio_ffmpeg") is None:
         raise missing_extra("videos need ffmpeg", "render")
     import imageio_ffmpeg
@@ -108,8 +104,7 @@ def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
     """Write a picture (height, width, 3) as PNG and return its path.
 
     Raises:
-      SettingsError: another ending, or a path that cannot be written to.
-      MissingExtraError: no Pillow here.
+      SettingsError, MissingExtraError: another ending, or a path that cannot be written to; no Pillow here.
     """
     path = Path(path)
     if path.suffix.lower() != ".png":
