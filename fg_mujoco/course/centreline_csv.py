@@ -194,10 +194,7 @@ _SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
 def read_settings(name: str, text: str, known: Mapping[str, tuple[str, Callable[[str], Any]]]) -> dict[str, Any]:
     """Return the values of `SETTING=VALUE,...`, the text in the brackets of a name.
 
-    Args:
-      name: for messages.
-      text: what is between the brackets.
-      known: of each setting what is accepted, and what reads it, which raises ValueError or KeyError.
+    `known` has of each setting what is accepted, and what reads it, which raises ValueError or KeyError.
 
     Raises:
       TrackError: a setting that is unknown, or there twice, or has a value that cannot be read.

@@ -12,7 +12,7 @@ from ..messages import FloatArray
 from .course import ISLAND, Course
 from .moving_obstacles import MovingObstacle
 from .obstacles import solids_of
-from .track import Track
+from .track import MapTrack, Track
 
 _TRACK = ("centreline", "width_right", "width_left")
 _WALLS = ("wall_right", "wall_left")
@@ -35,7 +35,6 @@ def definition_sha256(definition: Mapping[str, FloatArray]) -> str:
 def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     """Return the Track, MapTrack or Scene whose `definition` this is; raise TrackError for that of another class."""
     from .scene import Scene
-    from .track import MapTrack
 
     islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
     names = tuple(key for key in definition if key not in islands)

@@ -71,13 +71,8 @@ def read_toml(path: str | Path) -> TomlFile:
 def read_toml_table(text: str, where: str, accepted: str) -> dict[str, Any]:
     """Return the content of a TOML text that is no file of settings, such as a set of tires.
 
-    Args:
-      text: in TOML.
-      where: it is from, for messages.
-      accepted: in its place, for messages.
-
     Raises:
-      SettingsError: it is no TOML, or has a number that is too large.
+      SettingsError: it is no TOML, or has a number that is too large; it has `where`, and what is `accepted`.
     """
     found = _toml(text, where, accepted)
     _require_bounded(found, f"{where}: ")

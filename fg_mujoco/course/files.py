@@ -124,16 +124,10 @@ def read_text(path: str | Path, most: int = MOST_BYTES) -> str:
 
 
 def read_setting(path: str | Path, said: str, accepted: str, most: int = MOST_BYTES) -> str:
-    """Return the text of a file that a setting names.
-
-    Args:
-      path: of the file.
-      said: what the file is, and as what it was given.
-      accepted: in its place.
-      most: bytes that it has.
+    """Return the text of a file of at most `most` bytes that a setting names.
 
     Raises:
-      SettingsError: it cannot be read, for a reason of `read_text`.
+      SettingsError: it cannot be read, for a reason of `read_text`; it has `said`, and what is `accepted`.
     """
     try:
         return read_text(path, most)
@@ -143,15 +137,10 @@ def read_setting(path: str | Path, said: str, accepted: str, most: int = MOST_BY
 
 
 def read_arrays(path: str | Path, names: Sequence[str], most: int) -> dict[str, Any]:
-    """Return the arrays of a file of `numpy.savez_compressed`; pickled objects are not read.
-
-    Args:
-      path: of the file.
-      names: of the arrays that it has, and no others.
-      most: bytes that all of them have together, whatever the file says.
+    """Return the arrays of a file of `numpy.savez_compressed` with these and no others; pickled objects are not read.
 
     Raises:
-      OSError, ValueError, EOFError, zipfile.BadZipFile: no such file, other arrays, or more bytes.
+      OSError, ValueError, EOFError, zipfile.BadZipFile: no such file, other arrays, or more than `most` bytes in all.
     """
     require_regular(path)
     with np.load(path, allow_pickle=False) as file:

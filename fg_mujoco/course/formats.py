@@ -26,17 +26,11 @@ TIGHT = "tight"
 
 @dataclass(frozen=True, kw_only=True)
 class CourseFormat:
-    """A kind of texts that name courses.
+    """A kind of texts that name courses."""
 
-    Attributes:
-      accepts: returns whether a text is of this format.
-      load: returns the course that a text names; a scene is made for the car.
-      texts: how its texts look, for messages; nothing where the names themselves are listed.
-    """
-
-    accepts: Callable[[str], bool]
-    load: Callable[[str, CarParameters], Course]
-    texts: str
+    accepts: Callable[[str], bool]  # whether a text is of this format
+    load: Callable[[str, CarParameters], Course]  # returns the course that a text names; a scene is made for the car
+    texts: str  # how its texts look, for messages; nothing where the names themselves are listed
 
 
 def track_names() -> tuple[str, ...]:

@@ -140,18 +140,10 @@ def time_lap(
     length: float,
     modulus: float,
 ) -> None:
-    """Give timer i of (n,) of LAP_TIMER, which have been through `first_seen`, the position of its car at a time.
+    """Give timer i of (n,) of LAP_TIMER after `first_seen` the place x, y [m] of its car at a time [s].
 
-    Args:
-      timers: written to.
-      i: which of them.
-      lap_times: (n, at least one more than completed) [s], written to.
-      time: of the update [s].
-      x: position of the car [m].
-      y: [m].
-      table: `Course.table`.
-      length: `Course.length` [m].
-      modulus: `Course.modulus` [m].
+    The times of its laps are written to `lap_times`, (n, at least one more than completed) [s]. `table`, `length` and
+    `modulus` are those of the Course.
     """
     timer = timers[i]
     before = timer.progress

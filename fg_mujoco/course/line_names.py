@@ -1,7 +1,7 @@
 """Names of the columns of lines, as stacks spell them, and their units. `line_file` says which are known.
 
-    places_of("line.csv: line 1", ("x_m", "y_m", "vx_mps"))   # of x and y, of what else is known, and of boundaries
-    unit_of("speed [km/h]", "speed")                          # in SI: 1 / 3.6
+places_of("line.csv: line 1", ("x_m", "y_m", "vx_mps"))   # of x and y, of what else is known, and of boundaries
+unit_of("speed [km/h]", "speed")                          # in SI: 1 / 3.6
 """
 
 from __future__ import annotations

@@ -135,17 +135,11 @@ _ESCAPES = {ord(sign): f"&#{ord(sign)};" for sign in '&<>"\n\r\t'}
 
 @dataclass(frozen=True, kw_only=True)
 class Mjcf:
-    """A document that was checked.
+    """A document that was checked."""
 
-    Attributes:
-      text: the same document, written anew: elements and attributes, each in its line, and nothing else.
-      texts: names and data of its custom texts.
-      files: the contents of the files that it names, by the names that `text` has for them.
-    """
-
-    text: str = field(repr=False)
-    texts: tuple[tuple[str, str], ...] = ()
-    files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
+    text: str = field(repr=False)  # written anew: elements and attributes, each in its line, and nothing else
+    texts: tuple[tuple[str, str], ...] = ()  # names and data of its custom texts
+    files: Mapping[str, bytes] = field(default_factory=dict, repr=False)  # contents, by the names that `text` has
 
 
 def checked_mjcf(text: str, *, folder: Path | None = None) -> Mjcf:

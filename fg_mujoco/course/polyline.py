@@ -68,15 +68,9 @@ def is_inside(points: FloatArray, loops: Iterable[FloatArray]) -> NDArray[np.boo
 
 
 def nearby(first: FloatArray, second: FloatArray, reach: float = 0.0) -> tuple[IndexArray, IndexArray]:
-    """Find which segments come near each other: the candidates of any pairwise test, without all n x m of them.
+    """Find which segments (n, 2, 2), best in order along a line, and (m, 2, 2) have bounding boxes within `reach` [m].
 
-    Args:
-      first: shape (n, 2, 2) [m], best in order along a line.
-      second: shape (m, 2, 2) [m].
-      reach: how far apart two bounding boxes may be [m].
-
-    Returns:
-      Indices into `first` and into `second`, shape (k,) each.
+    These are the candidates of any pairwise test, without all n x m of them: indices into both, shape (k,) each.
     """
     low, high = first.min(axis=1) - reach, first.max(axis=1) + reach
     other_low, other_high = second.min(axis=1), second.max(axis=1)
@@ -178,29 +172,27 @@ def subdivide(points: FloatArray, spacing: float, *columns: FloatArray) -> tuple
     return np.column_stack((x, y)), *others
 
 
-def simplify(points: FloatArray, tolerance: float) -> FloatArray:
-    """Drop points of a closed polyline that lie within `tolerance` [m] of what is left.
+def simplify(points: FloatArray, tolerance: float, outline: FloatArray | None = None) -> tuple[IndexArray, FloatArray]:
+    """Choose so many points of a closed polyline that all of `outline`, one for each point, are within `tolerance` [m].
 
-    Method: Douglas and Peucker 1973, on the two halves between two far corners; the first point may go, too.
+    Method: Douglas and Peucker 1973, on the two halves between two far corners; the first point may go, too. Returns
+    the places of the chosen, which go on beyond the last, (k,), and the chosen (k, 2). Without an outline it is itself.
     """
-    count = len(points)
-    points = np.roll(points, -int(np.argmax(np.hypot(*(points - points.mean(axis=0)).T))), axis=0)
-    loop = np.vstack((points, points[:1]))
-    farthest = int(np.argmax(np.hypot(*(points - points[0]).T)))
-    keep = np.zeros(count + 1, dtype=bool)
-    keep[[0, farthest, count]] = True
-    pending = [(0, farthest), (farthest, count)]
+    first = int(np.argmax(np.hypot(*(points - points.mean(axis=0)).T)))
+    outline, points = (np.roll(each, -first, axis=0) for each in (points if outline is None else outline, points))
+    count, opposite = len(points), int(np.argmax(np.hypot(*(points - points[0]).T)))
+    outline, points = (np.vstack((each, each[:1])) for each in (outline, points))
+    kept = {0, opposite}
+    pending = [(0, opposite), (opposite, count)]
     while pending:
         low, high = pending.pop()
-        if high - low < 2:
-            continue
-        away = distance_to_segment(loop[low + 1 : high], loop[low], loop[high])
-        worst = int(np.argmax(away))
-        if away[worst] > tolerance:
-            middle = low + 1 + worst
-            keep[middle] = True
+        away = distance_to_segment(outline[low + 1 : high], points[low], points[high])
+        if len(away) and away.max() > tolerance:
+            middle = low + 1 + int(np.argmax(away))
+            kept.add(middle)
             pending += [(low, middle), (middle, high)]
-    return points[keep[:count]]
+    chosen = np.array(sorted(kept))
+    return chosen + first, points[chosen]
 
 
 def distance_to_segment(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:

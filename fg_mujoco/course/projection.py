@@ -30,16 +30,10 @@ _LEAP = 0.2  # [m] half of what the nearest place may leap at a corner of the li
 
 @kernel
 def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -> tuple[float, float]:
-    """Project one point from a hint: the nearest in a window, which moves on while the nearest is at its edge.
+    """Project a point x, y [m] from a hint: the nearest in a window, which moves on while the nearest is at its edge.
 
-    Args:
-      x, y: the point [m].
-      near: its progress shortly before [m].
-      table: `Course.table`.
-      modulus: `Course.modulus` [m].
-
-    Returns:
-      Progress in [0, modulus) [m], and the offset [m], left positive: the distance to the nearest place.
+    `near` is its progress shortly before [m]; `table` and `modulus` are those of the Course. Returns the progress in
+    [0, modulus) [m], and the offset [m], left positive: the distance to the nearest place.
     """
     starts = table[0]
     s, offset, segment = near, 0.0, 0

@@ -48,16 +48,11 @@ class Corridor(Course, Protocol):
 
 
 class ObstacleSites:
-    """The places on a track where boxes may stand that a car is to get past: none is where something moves.
-
-    Attributes:
-      gap: least width of the way past a box [m].
-      most: how many boxes there is room for, wherever the start is.
-    """
+    """The places on a track where boxes may stand that a car is to get past: none is where something moves."""
 
     def __init__(self, track: Corridor, car: CarParameters) -> None:
         self._track = track
-        self.gap = GAP_IN_WIDTHS * car.width
+        self.gap = GAP_IN_WIDTHS * car.width  # [m] least, of the way past a box
         lap = np.union1d(np.linspace(0.0, track.length, math.ceil(track.length / _STEP) + 1)[:-1], track.arc_length)
         edges = np.append(lap, track.length)  # the width is linear between two of them
         wide = self._widths(edges).sum(axis=0) >= self.gap + _SIDES[0]
@@ -71,7 +66,7 @@ class ObstacleSites:
         self._edges = np.concatenate((lap, edges + track.length))
         self._usable = np.concatenate(([0.0], np.cumsum(np.tile(usable, 2))))  # [m] up to each edge
         room = float(usable.sum()) - CLEAR_AHEAD - CLEAR_BEHIND
-        self.most = 0 if room < 0.0 else 1 + int(room / SPACING)
+        self.most = 0 if room < 0.0 else 1 + int(room / SPACING)  # boxes, wherever the start is
 
     def place(self, count: int, start: float, rng: np.random.Generator) -> tuple[Box, ...]:
         """Return so many boxes for a car that starts at progress `start` [m], as it meets them; raise SettingsError."""

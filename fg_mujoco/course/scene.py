@@ -206,14 +206,9 @@ class Scene(Shown):
         return float(x), float(y), math.atan2(ahead[i, 1], ahead[i, 0])
 
     def project(self, points: ArrayLike, near: float | ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
-        """Progress on the way, counted from its first point, and offset of points: its nearest place.
+        """Progress on the way, counted from its first point, and offset of points (k, 2). Shape (k,) [m] each.
 
-        Args:
-          points: shape (k, 2) [m].
-          near: progress that each point had shortly before, a number or shape (k,) [m]; as in `Track.project`.
-
-        Returns:
-          Progress and offset, left positive. Shape (k,) [m] each.
+        `near` is the progress that each point had shortly before, a number or shape (k,) [m]; as in `Track.project`.
         """
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         return project_near(points, self._nearest(points) if near is None else near, self.table, self.modulus)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..messages import CarParameters, FloatArray
 from .course import Course, outline, wall_outlines
 from .obstacles import Obstacle
-from .polyline import cross
+from .polyline import cross, is_inside
 
 
 def off_course(course: Course, place: ArrayLike, on_line: ArrayLike, *, lane: bool = False) -> bool:
@@ -28,11 +28,10 @@ def off_course(course: Course, place: ArrayLike, on_line: ArrayLike, *, lane: bo
         the place is off the course if a wall stands between the two.
       lane: whether the same holds on any course: then a place between the walls of another stretch is off it, too.
     """
-    sides = _sides(course)
     point, on = (np.asarray(each, np.float64)[:2] for each in (place, on_line))
-    if len(course.edges) and not _enclosed(point, sides):
+    if len(course.edges) and not is_inside(point[np.newaxis], course.edges)[0]:
         return True
-    return (lane or not course.edges) and _crosses(sides, on, point)
+    return (lane or not course.edges) and _crosses(_sides(course), on, point)
 
 
 def stands_in_something(
@@ -47,7 +46,7 @@ def stands_in_something(
     solids = [solid.corners() for solid in (*course.obstacles, *obstacles)]
     solids += [moving.box(0.0).corners() for moving in course.moving]
     placed = np.asarray(pose, np.float64)[np.newaxis, :3]
-    if any(_enclosed(placed[0, :2], outline(solid)) for solid in solids):
+    if any(is_inside(placed[:, :2], [solid])[0] for solid in solids):
         return True
     sides = np.concatenate([_sides(course), *map(outline, solids)])
     return bool(len(sides)) and least_clearance(placed, sides, car) <= 0.0
@@ -66,13 +65,3 @@ def _sides(course: Course) -> FloatArray:
     """Return the walls of a course from above, one line after the other. Shape (n, 4) [m]."""
     lines = wall_outlines(course)
     return np.concatenate([outline(line) for line in lines]) if lines else np.empty((0, 4))
-
-
-def _enclosed(point: FloatArray, sides: FloatArray) -> bool:
-    """Return whether a point (2,) is inside an odd number of the polygons whose sides (n, 4) are given [m]."""
-    x, y = point
-    from_x, from_y, to_x, to_y = sides.T
-    passed = (from_y > y) != (to_y > y)
-    with np.errstate(divide="ignore", invalid="ignore"):  # of sides along x, which are not passed
-        right = x < from_x + (y - from_y) / (to_y - from_y) * (to_x - from_x)
-    return bool(np.count_nonzero(passed & right) % 2)

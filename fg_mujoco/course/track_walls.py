@@ -49,16 +49,9 @@ MAX_TURN = np.deg2rad(120.0)  # at one point of the line: sharper ones turn back
 
 
 def wall_lines(centreline: FloatArray, right: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Inner faces of the right and the left wall of a closed line.
+    """Inner faces of the right and the left wall of a closed line, with distances (n,) to the right and the left [m].
 
-    Args:
-      centreline: shape (n, 2) [m], first point not repeated.
-      right: distance from the line to the right wall. Shape (n,) [m].
-      left: to the left wall. Shape (n,) [m].
-
-    Returns:
-      Closed polylines in driving order, shapes (k, 2) and (m, 2) [m], read-only, within `WALL_TOLERANCE` of the
-      corridor's edge.
+    Closed polylines in driving order, (k, 2) and (m, 2) [m], read-only, within `WALL_TOLERANCE` of the corridor's edge.
 
     Raises:
       TrackError: a corner so tight and a corridor so wide that there is no room for a wall inside.
@@ -74,13 +67,10 @@ def wall_lines(centreline: FloatArray, right: FloatArray, left: FloatArray) -> t
 def shared_widths(
     centreline: FloatArray, right: FloatArray, left: FloatArray, *, all_round: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Widths to the right and to the left, less what stretches that run side by side take from each other.
+    """Widths to the right and the left (n,) [m], less what stretches that run side by side take from each other.
 
-    Arguments as `wall_lines`, and `all_round`: the widths count in all directions, and not only square to the line.
-    Shapes (n,) [m].
-
-    Raises:
-      TrackError: a stretch whose wall would lie beyond the centreline of another.
+    With `all_round` the widths count in all directions, and not only square to the line. Raises TrackError for a
+    stretch whose wall would lie beyond the centreline of another.
     """
     pairs = _stretch_pairs(centreline, np.maximum(right, left))
     return _share(centreline, right, -1.0, pairs, all_round), _share(centreline, left, 1.0, pairs, all_round)
@@ -149,7 +139,7 @@ def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
             f"there is no room for the {name} wall: the track's corners are tighter than its corridor is wide; "
             f"accepted: a loop wider than its corridor"
         )
-    fewer = simplify(wall, WALL_TOLERANCE)
+    _, fewer = simplify(wall, WALL_TOLERANCE)
     return wall if len(self_crossings(fewer)[0]) else fewer
 
 

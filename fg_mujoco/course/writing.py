@@ -121,11 +121,9 @@ def claimed_folder(folder: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def staged_folder(folder: Path, last: str) -> Iterator[Path]:
-    """Yield a new folder to write files to; in the end they are moved into `folder`, or removed if there was an error.
+    """Yield a new folder to write files to; in the end they are moved into `folder`, which this process has claimed.
 
-    Args:
-      folder: that this process has claimed; files of the same names in it are replaced.
-      last: the file that is moved last: where it is, all are.
+    Files of the same names are replaced; `last` is moved last: where it is, all are. After an error none are.
     """
     aside, descriptor = _create(folder, folder=True)
     try:

@@ -291,13 +291,9 @@ def write_run(
     picture: bool = True,
     add: Callable[[Path], Any] | None = None,
 ) -> Path:
-    """Write a run folder, with its picture, and return its path. A failure leaves nothing behind.
+    """Write a run folder, new or empty, with its picture, and return its path. A failure leaves nothing behind.
 
-    Args:
-      result: of the race.
-      folder: new or empty.
-      picture: with trace.png.
-      add: adds files to the run, as its report; called with the path of a folder that has all others.
+    `add` adds files to the run, as its report; it is called with the path of a folder that has all others.
 
     Raises:
       RunFolderError, MissingExtraError: the folder cannot be written; there is no matplotlib for a picture.

@@ -79,7 +79,7 @@ def test_subdivided_line_has_all_its_points_and_no_long_step():
 @given(seed=st.integers(0, 10_000), tolerance=st.floats(1e-3, 0.1))
 def test_simplified_line_stays_within_its_tolerance(seed, tolerance):
     line = ellipse(200) + np.random.default_rng(seed).normal(0.0, 0.01, (200, 2))
-    fewer = simplify(line, tolerance)
+    _, fewer = simplify(line, tolerance)
     assert {tuple(p) for p in fewer.tolist()} <= {tuple(p) for p in line.tolist()}
     own = segments(fewer)
     for point in line:

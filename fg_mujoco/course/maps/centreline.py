@@ -99,12 +99,7 @@ class MedialAxis:
 
 
 def medial_axis(region: NDArray[np.bool_], outlines: list[FloatArray]) -> MedialAxis:
-    """Return the medial axis of a region.
-
-    Args:
-      region: shape (rows, columns), row 0 below.
-      outlines: of the region, as `walls.outlines` gives them.
-    """
+    """Return the medial axis of a region (rows, columns), row 0 below, with the `outlines` of `walls.outlines`."""
     from scipy.spatial import Voronoi
 
     sites = np.concatenate(outlines)

@@ -109,12 +109,10 @@ def _contents(track: Track, files: tuple[Path, ...], resolution: float) -> dict[
 def occupancy_image(track: Track, resolution: float = RESOLUTION) -> tuple[NDArray[np.bool_], FloatArray]:
     """Return a mask of the pixels with their middle between the walls of a track, and the lower left corner.
 
-    Returns:
-      Shape (rows, columns), row 0 below; and x, y [m] of the lower left corner of the image, shape (2,).
+    Shape (rows, columns), row 0 below; x, y [m] of the lower left corner of the image, shape (2,).
 
     Raises:
-      SettingsError: a resolution that is not positive, or so fine that the image would be of more than 10000 pixels.
-      TrackError: a resolution at which walls or ways would vanish.
+      SettingsError, TrackError: a resolution that no image can have, or at which walls or ways would vanish.
     """
     if not 0.0 < resolution < np.inf:
         raise SettingsError(f"resolution is {resolution!r} m; accepted: a positive number")

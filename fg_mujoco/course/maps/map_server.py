@@ -159,9 +159,7 @@ def read_map_file(
       outside_folder: whether the YAML may name an image outside of its own folder.
 
     Raises:
-      MissingExtraError: the extra `maps` is not installed.
-      TrackError: a file that cannot be read; a key that is unknown, missing, or has a value of another kind; an image
-        outside of the YAML's folder.
+      MissingExtraError, TrackError: no extra `maps`; whatever cannot be read, or is no map.
     """
     require_maps_extra()
     path = Path(path)
@@ -217,13 +215,8 @@ def read_map_file(
 def image_yaml(image: Path, resolution: float, *, negate: bool = False) -> str:
     """Return the text of the YAML that makes an image, in its folder, a map with its lower left corner at the origin.
 
-    Args:
-      image: in the folder of the YAML.
-      resolution: side of a pixel [m].
-      negate: whether dark pixels are free, and not light ones.
-
-    Raises:
-      MissingExtraError, TrackError: no extra `maps`; a resolution that no map has, or a file that is no image.
+    The side of a pixel is `resolution` [m]; with `negate` dark pixels are free. Raises MissingExtraError and
+    TrackError: a resolution that no map has, or a file that is no image.
     """
     require_maps_extra()
     import yaml

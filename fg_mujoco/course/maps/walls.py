@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...messages import FloatArray
-from ..polyline import IndexArray, distance_to_segment, enclosed_area, self_crossings
+from ..polyline import IndexArray, distance_to_segment, enclosed_area, self_crossings, simplify
 from .map_server import BoolArray
 
 TOLERANCE = 0.5
@@ -35,14 +35,10 @@ _TILT = 1e-4  # [pixel] less than clearances differ by: between two doors of one
 
 
 def outlines(region: BoolArray) -> list[FloatArray]:
-    """Return the edges of a region of pixels, the longest first.
+    """Return the edges of a region of pixels (rows, columns), row 0 below, the longest first.
 
-    Args:
-      region: shape (rows, columns), row 0 below.
-
-    Returns:
-      Closed polylines (n, 2), columns and rows in pixels from the lower left corner: the region's outer edge is
-      counterclockwise, its holes are clockwise.
+    Closed polylines (n, 2), columns and rows in pixels from the lower left corner: the region's outer edge is
+    counterclockwise, its holes are clockwise.
     """
     from skimage.measure import find_contours
 
@@ -65,7 +61,7 @@ def trace(outline: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
     """
     area = enclosed_area(outline)
     for _ in range(_HALVINGS):
-        start, wall = _simplified(outline, _smoothed(outline, tolerance * _MOST_MOVED / TOLERANCE), tolerance)
+        start, wall = simplify(_smoothed(outline, tolerance * _MOST_MOVED / TOLERANCE), tolerance, outline)
         wall = _fitted(np.roll(outline, -start[0], axis=0), start - start[0], wall, tolerance)
         if len(wall) >= 3 and enclosed_area(wall) / area >= _KEPT_AREA and len(self_crossings(wall)[0]) == 0:
             return wall
@@ -80,25 +76,6 @@ def _smoothed(outline: FloatArray, most: float) -> FloatArray:
     move = np.fft.irfft(np.fft.rfft(outline, axis=0) * gaussian[:, None], n=len(outline), axis=0) - outline
     length = np.hypot(*move.T)[:, None]
     return np.asarray(outline + move * np.minimum(1.0, most / np.maximum(length, 1e-12)))
-
-
-def _simplified(outline: FloatArray, points: FloatArray, tolerance: float) -> tuple[IndexArray, FloatArray]:
-    """Choose so many of `points`, one for each of the outline, that it is within `tolerance` (Douglas, Peucker)."""
-    first = int(np.argmax(np.hypot(*(points - points.mean(axis=0)).T)))
-    outline, points = np.roll(outline, -first, axis=0), np.roll(points, -first, axis=0)
-    count, opposite = len(points), int(np.argmax(np.hypot(*(points - points[0]).T)))
-    outline, points = np.vstack((outline, outline[:1])), np.vstack((points, points[:1]))
-    kept = {0, opposite}
-    pending = [(0, opposite), (opposite, count)]
-    while pending:
-        low, high = pending.pop()
-        away = distance_to_segment(outline[low + 1 : high], points[low], points[high])
-        if len(away) and away.max() > tolerance:
-            middle = low + 1 + int(np.argmax(away))
-            kept.add(middle)
-            pending += [(low, middle), (middle, high)]
-    chosen = np.array(sorted(kept))
-    return chosen + first, points[chosen]
 
 
 def _fitted(outline: FloatArray, chosen: IndexArray, wall: FloatArray, tolerance: float) -> FloatArray:

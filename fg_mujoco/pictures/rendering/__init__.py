@@ -86,10 +86,7 @@ def render(
       controller: as of a Film: the planner that a run folder is asked again with.
 
     Raises:
-      SettingsError: an unknown camera, quality or output, a size that cannot be drawn, a time outside of the drive, or
-        a car that is not there.
-      RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
-      MissingExtraError: no OpenGL here; the message has the command that installs it.
+      SettingsError, RunFolderError, MissingExtraError: as a Film, an unknown output, or a time outside of the drive.
     """
     if output not in OUTPUTS:
         raise SettingsError(f"output is {output!r}; {accepted_names(output, OUTPUTS)}")

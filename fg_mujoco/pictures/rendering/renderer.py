@@ -58,14 +58,11 @@ class Renderer(Uncopied):
     Attributes:
       model: the compiled model for pictures; it takes the states of the world.
       tires: steps `model` by hand, tires included.
-      size: width and height [px].
-      car: that the cameras follow.
       oversampling: how many pixels are drawn for each of the picture's, along either side.
       description: what draws, in a line.
 
     Raises:
-      SettingsError: an unknown quality, a size that is not positive or too large, or a car that is not there.
-      ModelError: a text that is not of a world.
+      SettingsError, ModelError: a value that cannot be drawn; a text that is not of a world.
       MissingExtraError: no OpenGL here; the message has the command that installs it.
     """
 

@@ -76,7 +76,7 @@ def write_video(
     fps: float = 30.0,
     quality: str = "good",
 ) -> Path:
-    """Write frames to a video and return its path. Whatever fails or is interrupted leaves no file.
+    """Write frames to a video and return its path; raises as `check_video`. Whatever fails leaves no file.
 
     Args:
       path: ends in .mp4 or .gif.
@@ -84,10 +84,6 @@ def write_video(
       size: width and height [px].
       fps: frames a second.
       quality: a name in QUALITIES; how well MP4 is compressed.
-
-    Raises:
-      SettingsError: a path that cannot be written to, or a disk that fills up.
-      MissingExtraError: no encoder here.
     """
     path = check_video(path, size)
     try:
