@@ -1,8 +1,5 @@
 """The ground along which a course leads from a place that the LiDAR sees, and how much room is to both sides.
 
-    count = ground_points(geometry, ranges, points)
-    walked = walk(points, count, x, y, heading, path)
-
 A walk goes on from a place in the direction of a heading by steps of `STEP`, and keeps its share of the width: a car
 in the middle stays in the middle, one that is near to a wall stays near to it. It says where a car will go that follows
 the course, which its turn rate does not say before a bend, and how wide the course is there. It ends where nothing is

@@ -1,7 +1,5 @@
 """Model-predictive control along a line: the plan of least cost for the next second, of which a tick is driven.
 
-    steering_angle, speed, plan = plan_steering(line, nearest, odometry, driver, period, memory.mpc)
-
 The plan is a linear time-varying program (ltv_program) of 20 steps of 0.05 s. Its state, in the frame of the line:
 
     distance of the rear axle from the line [m], angle of the heading to the line [rad],

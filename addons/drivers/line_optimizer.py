@@ -1,9 +1,5 @@
 """The fastest closed line between walls: of least curvature, or of least lap time.
 
-    walls = Walls.of(left=[left_wall], right=[right_wall])
-    found = optimize_line(centreline, walls, car, limited_grip(limiter, 8.0, 1.0, 0.9), margin=0.1)
-    found.points, found.lap_time
-
 1. The line is points that are evenly apart. Each may move along its normal, within the room that walls and obstacles
    leave the car's rectangle and a margin there.
 2. Least curvature: second differences of the places are linear in the moves, so that the sum of their squares is a

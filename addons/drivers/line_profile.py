@@ -1,8 +1,5 @@
 """Lines through a map and how fast they can be driven: what a planner with a map follows.
 
-    points, speeds = read_line("Monza_raceline.csv")
-    table = line_table(points, speeds, closed=True, limiter=FrictionLimiter(car, mu), max_speed=8.0, **shares)
-
 Lines are read as centrelines of courses are, by the names of their columns (fg_mujoco.course.line_file).
 """
 

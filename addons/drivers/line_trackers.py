@@ -1,7 +1,5 @@
 """Trackers: the steering angle that keeps a car on a line through the map, by its error now and the curvature ahead.
 
-    steering_angle = stanley_steering(line, nearest, x, y, heading, speed, car)
-
 - `stanley`: the angle to the line at the front axle, and the arc tangent of a gain times the distance there over the
   speed. The front axle is at the wheelbase ahead, so that the line's curvature is steered by the angle.
 - `lqr`: the curvature of the line as far ahead as the steering takes, and a feedback of distance and angle. For the

@@ -1,9 +1,5 @@
 """A quadratic program along a horizon: the inputs of least cost for a linear time-varying system with bounds.
 
-    iterations = solve_program(
-        a, b, c, weights, effort, coupling, limits, start, inputs, states, MOST_ITERATIONS
-    )
-
 It minimises the sum of weights[k] x[k]^2 / 2 and effort[k] u[k]^2 / 2, over x[k + 1] = a[k] x[k] + b[k] u[k] + c[k].
 The one input u is bounded. So are its sum with a multiple of the last entry of the state before it, and the last and
 the first entry of the state that it leads to: columns INPUT, COUPLED, LAST and FIRST of `limits`. A bound is hard, or

@@ -1,8 +1,5 @@
 """Reads what files tell of a car: f1tenth_gym's parameters, vesc.yaml, ForzaETH's, SlipX's and TUM's files, URDF.
 
-    told = read_car([Path("NUC2_pacejka.yaml"), Path("vesc.yaml")])
-    told.values["m"]                              # Told(3.54, "m", "NUC2_pacejka.yaml")
-
 All is brought to the names of f1tenth_gym, in SI units and radians. Of several files the first that tells a value has
 it. What is told and means nothing to a car here is listed, not dropped in silence.
 """

@@ -1,9 +1,5 @@
 """A car of the files that teams have: a bundled vehicle with what they tell built in, and tires.
 
-    car = car_of([Path("NUC2_pacejka.yaml")])
-    car.vehicle, car.words                        # what was told, and what was taken instead
-    write_car(car, Path("my_car"))                # my_car.xml, my_car.toml and my_car.html
-
 What is not given is the vehicle f1tenth's. Tires that are told as a Magic Formula are one; cornering stiffnesses with a
 friction are the brush model, which has both and lets go. Without them the tires are the default set at the mu.
 """

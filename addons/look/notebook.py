@@ -1,7 +1,4 @@
 """Pictures and tables of scans, courses and races in a notebook, as SVG and HTML, which need no extra.
-
-    notebook_html(fg.race("oval"))    # what `_repr_html_` of a result returns
-    show(fg.race("oval"), "race.html")
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
 """A live race for Foxglove: its car in 3D, scan, map, transforms and plots; commands, parameters and services back.
 
-    session = LiveSession(Setup.of("oval"))
-    with FoxgloveServer(session, port=8765) as server:
-        server.run()  # until Ctrl-C
-
 The topics are those of a bag (`bag_writer`), as ROS 2 messages in CDR; with them come
 
     /clock  rosgraph_msgs/Clock        simulated time

@@ -1,9 +1,5 @@
 """The raceline of a circuit: the line, its speeds and its lap time, for one car; and the file of it.
 
-    line = make_raceline(Setup(track="oval"))
-    line.lap_time, line.points, line.speeds
-    line.write("oval_raceline.csv")
-
 Walls are those of the circuit, with its islands, and the obstacles that the setup puts there. Each obstacle is passed
 on the side that has more room. The speeds are the fastest quasi-steady ones by all the grip that the friction limiter
 finds, and the lap time is their bound, and not a prediction (`lab.lap_time_bound`).

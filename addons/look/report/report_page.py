@@ -1,7 +1,5 @@
 """The page of one run: one HTML file that loads nothing else.
 
-    write_report("runs/oval", "runs/oval/report.html")
-
 Its plots are bokeh's, whose JavaScript is in the page too.
 """
 

@@ -1,8 +1,5 @@
 """A DevKit of AutoDRIVE as a planner: in each tick it is told what its car senses, and its answer is the command.
 
-    with DevKit("127.0.0.1:4567") as devkit:
-        result = race("oval", controller=devkit, rules="autodrive_2026")
-
 A packet is sent in each frame, of which there are RATE in a second, and the answer to it acts LATE frames later: it
 shows in the packet after that, the third, as in the league's simulator. In lockstep a frame waits for the answer, so
 that the same DevKit gives the same race. Of several answers to a packet the last counts. What comes before a packet is

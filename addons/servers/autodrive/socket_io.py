@@ -1,9 +1,5 @@
 """A client of Socket.IO, as far as a simulator needs it that talks to a DevKit: one event by WebSocket, one namespace.
 
-    client = open_client("127.0.0.1", 4567, "Bridge")
-    client.send({"V1 Throttle": "0.0"})
-    answers = client.receive(timeout=10.0)
-
 DevKits of the league have python-socketio 4, which speaks revision 3 of Engine.IO; newer ones speak revision 4. No one
 library speaks both, so this module does. A server of revision 3 accepts a client that asks for 4, and then waits for
 pings that this client would leave to the server. So revision 3 is asked for first: servers of revision 4 refuse it.

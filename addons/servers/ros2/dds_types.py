@@ -1,9 +1,5 @@
 """Types of ROS messages as DDS has them: their names on the wire, and classes for topics of the package cyclonedds.
 
-    kind = dds_type("sensor_msgs/msg/LaserScan")
-    kind.__idl__.idl_transformed_typename  # "sensor_msgs::msg::dds_::LaserScan_", as ROS 2's middleware names it
-    sample = kind(cdr_of(message, "sensor_msgs/msg/LaserScan"))
-
 A sample holds the CDR of a message, and is written and read as these bytes. The fields of the type only say to other
 participants what it is, and let cyclonedds drop samples that are not of it.
 """

@@ -1,9 +1,5 @@
 """A participant of DDS that a graph of ROS 2 sees as a node: topics by ROS's names, and `ros_discovery_info`.
 
-    participant = Participant("fg_mujoco", domain=0, log=print)
-    participant.offer("/scan", "sensor_msgs/msg/LaserScan")
-    participant.write("/scan", cdr)
-
 All is offered reliable and transient local, with the newest sample kept, which matches whatever a reader asks for but a
 deadline or a liveliness of its own. Readers ask for reliable commands, and take best effort from a writer that offers
 no more. Sources: the ROS 2 design article "Topic and Service name mapping to DDS", messages of rmw_dds_common, and

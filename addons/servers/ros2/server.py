@@ -1,8 +1,5 @@
 """The server of a live race on ROS 2: publishes the race's topics where somebody reads them, and takes commands.
 
-    with Ros2Server(LiveSession(Setup.of("oval")), step_on_drive=True) as server:
-        server.run()
-
 Topics are those of `live_race`, and /reset (std_msgs/Empty) and /pause_sim (std_msgs/Bool).
 """
 
