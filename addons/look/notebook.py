@@ -1,5 +1,4 @@
-"""Pictures and tables of scans, courses and races in a notebook, as SVG and HTML, which need no extra.
-"""
+"""Pictures and tables of scans, courses and races in a notebook, as SVG and HTML, which need no extra."""
 
 from __future__ import annotations
 
