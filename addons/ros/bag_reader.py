@@ -25,7 +25,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -113,10 +112,8 @@ class ScanBag:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.recording.__exit__(kind, error, trace)
+    def __exit__(self, *error: object) -> None:
+        self.recording.__exit__(*error)
 
     def __iter__(self) -> Iterator[Delivery]:
         """Yield the scans in the order in which they were received."""

@@ -11,22 +11,6 @@ from .node_session import Session
 from .rclpy_lifecycle import LifecycleNodeMixin
 
 
-class ExternalShutdownException(Exception):
-    pass
-
-
-class ShutdownException(Exception):
-    pass
-
-
-class ConditionReachedException(Exception):
-    pass
-
-
-class TimeoutException(Exception):
-    pass
-
-
 class Future:
     """rclpy.task.Future: what is not known yet."""
 

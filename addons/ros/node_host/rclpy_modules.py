@@ -11,29 +11,22 @@ from .imports import StandIn
 from .node_session import NodeLogger, Session
 from .rclpy_executors import (
     CallbackGroup,
-    ConditionReachedException,
     Executor,
-    ExternalShutdownException,
     Future,
     MutuallyExclusiveCallbackGroup,
     ReentrantCallbackGroup,
-    ShutdownException,
-    TimeoutException,
 )
 from .rclpy_handles import Clock, Publisher, Rate, SubscriptionHandle, TimerHandle
 from .rclpy_lifecycle import LifecycleNodeMixin, LifecyclePublisher, State, TransitionCallbackReturn
 from .rclpy_node import Node, wait_for_message
 from .rclpy_parameters import (
-    InvalidParameterException,
     InvalidParameterTypeException,
     InvalidParameterValueException,
     Parameter,
     ParameterAlreadyDeclaredException,
     ParameterException,
-    ParameterImmutableException,
     ParameterNotDeclaredException,
     ParameterType,
-    ParameterUninitializedException,
     parameter_value_to_python,
 )
 from .rclpy_qos import QOS_MEMBERS
@@ -55,27 +48,21 @@ LoggingSeverity = enum.IntEnum(
 )
 
 
-class ROSInterruptException(Exception):
-    pass
-
-
-class NotInitializedException(Exception):
-    pass
-
-
-class InvalidTopicNameException(Exception):
-    pass
-
-
-class InvalidHandle(Exception):
-    pass
-
-
-_EXCEPTIONS = (
-    InvalidHandle, InvalidParameterException, InvalidParameterTypeException, InvalidParameterValueException,
-    InvalidTopicNameException, NotInitializedException, ParameterAlreadyDeclaredException, ParameterException,
-    ParameterImmutableException, ParameterNotDeclaredException, ParameterUninitializedException, ROSInterruptException,
-)  # fmt: skip
+_EXCEPTIONS = {each.__name__: each for each in (
+    InvalidParameterTypeException, InvalidParameterValueException, ParameterAlreadyDeclaredException,
+    ParameterException, ParameterNotDeclaredException,
+)}  # fmt: skip
+_OF_EXECUTORS = {
+    name: type(name, (Exception,), {})
+    for name in ("ExternalShutdownException", "TimeoutException", "ShutdownException", "ConditionReachedException")
+}
+_EXCEPTIONS |= {  # that nothing here raises
+    name: type(name, (ParameterException if "Parameter" in name else Exception,), {})
+    for name in (
+        "InvalidHandle", "InvalidParameterException", "InvalidTopicNameException", "NotInitializedException",
+        "ParameterImmutableException", "ParameterUninitializedException", "ROSInterruptException",
+    )
+}  # fmt: skip
 
 
 def rclpy_modules(session: Session) -> dict[str, ModuleType]:
@@ -155,8 +142,7 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
         self, graph, clock_type=clock_type)})  # fmt: skip
     executors: dict[str, Any] = {
         "Executor": executor_kind, "SingleThreadedExecutor": single, "MultiThreadedExecutor": several,
-        "ExternalShutdownException": ExternalShutdownException, "TimeoutException": TimeoutException,
-        "ShutdownException": ShutdownException, "ConditionReachedException": ConditionReachedException,
+        **_OF_EXECUTORS,
     }  # fmt: skip
     parameters: dict[str, Any] = {
         "Parameter": Parameter, "ParameterType": ParameterType, "parameter_value_to_python": parameter_value_to_python,
@@ -184,10 +170,6 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
         },
         "rclpy.node": {"Node": node_kind, "Parameter": Parameter, "Clock": clock, **handles, **groups},
         "rclpy.qos": QOS_MEMBERS,
-        "rclpy.qos_event": {"PublisherEventCallbacks": SimpleNamespace, "SubscriptionEventCallbacks": SimpleNamespace},
-        "rclpy.event_handler": {
-            "PublisherEventCallbacks": SimpleNamespace, "SubscriptionEventCallbacks": SimpleNamespace,
-        },
         "rclpy.qos_overriding_options": {"QoSOverridingOptions": SimpleNamespace},
         "rclpy.time": {"Time": Time, "Duration": Duration, "CONVERSION_CONSTANT": NANOSECONDS},
         "rclpy.duration": {"Duration": Duration, "Infinite": Duration(seconds=9e9)},
@@ -201,7 +183,7 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
         },
         "rclpy.impl.rcutils_logger": {"RcutilsLogger": NodeLogger},
         "rclpy.impl.logging_severity": {"LoggingSeverity": LoggingSeverity},
-        "rclpy.exceptions": {each.__name__: each for each in _EXCEPTIONS},
+        "rclpy.exceptions": _EXCEPTIONS,
         "rclpy.action": actions,
         "rclpy.action.client": {"ActionClient": ActionClient, "ClientGoalHandle": ClientGoalHandle, **actions},
         "rclpy.action.server": {"ServerGoalHandle": ServerGoalHandle, **actions},

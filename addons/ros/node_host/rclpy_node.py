@@ -55,6 +55,10 @@ class Inside:
         """Return the full name of a topic or a service."""
         return self.session.topic(topic, self.name, self.namespace.rstrip("/"))
 
+    def made(self, kind: type) -> list[Any]:
+        """Return what the node has made of a kind."""
+        return [each for each in self.handles if isinstance(each, kind)]
+
     def offer(self, name: str, answer: Callable[[Any], Any]) -> Subscription:
         """Offer a service, which the node's executor answers."""
         listens = offer(self.session, self.full(name), answer, self.name)
@@ -196,25 +200,11 @@ class Node:
     def default_callback_group(self) -> CallbackGroup:
         return self._fg.group
 
-    @property
-    def publishers(self) -> list[Any]:
-        return [each for each in self._fg.handles if isinstance(each, Publisher)]
-
-    @property
-    def subscriptions(self) -> list[Any]:
-        return [each for each in self._fg.handles if isinstance(each, SubscriptionHandle)]
-
-    @property
-    def timers(self) -> list[Any]:
-        return [each for each in self._fg.handles if isinstance(each, TimerHandle)]
-
-    @property
-    def clients(self) -> list[Any]:
-        return [each for each in self._fg.handles if isinstance(each, Client)]
-
-    @property
-    def services(self) -> list[Any]:
-        return [each for each in self._fg.handles if isinstance(each, SimpleNamespace)]
+    publishers = property(lambda self: self._fg.made(Publisher))
+    subscriptions = property(lambda self: self._fg.made(SubscriptionHandle))
+    timers = property(lambda self: self._fg.made(TimerHandle))
+    clients = property(lambda self: self._fg.made(Client))
+    services = property(lambda self: self._fg.made(SimpleNamespace))
 
     def get_name(self) -> str:
         return self._fg.name

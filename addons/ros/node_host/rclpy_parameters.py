@@ -22,23 +22,11 @@ class ParameterAlreadyDeclaredException(ParameterException):
     pass
 
 
-class InvalidParameterException(ParameterException):
-    pass
-
-
 class InvalidParameterTypeException(ParameterException):
     pass
 
 
 class InvalidParameterValueException(ParameterException):
-    pass
-
-
-class ParameterImmutableException(ParameterException):
-    pass
-
-
-class ParameterUninitializedException(ParameterException):
     pass
 
 

@@ -106,8 +106,6 @@ _EARLY, _LATE = {"clock": 0, "scan": 1}, 2  # places in a tick
 _EGO = "ego_racecar/"
 CAMERA_FRAME = "camera"
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-
-
 _OPPONENT = "opp_racecar"
 
 
@@ -175,7 +173,7 @@ class Sensing:
             if topic in listened and maker not in ("map", "map_info") and not unknown:
                 if maker not in made_already:
                     kind, _, number = maker.partition(" ")
-                    make = getattr(self, f"_make_{kind}")
+                    make = getattr(self, f"_make_{kind}", lambda *_, of=kind: self._make_number(of))
                     made_already[maker] = make(int(number)) if number else make()
                 yield topic, made_already[maker] if maker == "scan" else made_already[maker].__deepcopy__({})
 
@@ -368,38 +366,23 @@ class Sensing:
         x, y, _, _ = self._at
         return made(self._kind("geometry_msgs/msg/Point"), x=x, y=y, z=0.0)
 
-    def _make_speed(self) -> Any:
-        return self._number(self._odometry.speed)
-
-    def _make_throttle(self) -> Any:
-        return self._number(self.command[0] / THROTTLE)
-
-    def _make_steering(self) -> Any:
-        return self._number(self.command[1] / STEERING)
-
     def _make_left_encoder(self) -> Any:
         return self._encoder("left_encoder", 2)
 
     def _make_right_encoder(self) -> Any:
         return self._encoder("right_encoder", 3)
 
-    def _make_collision(self) -> Any:
-        return made(self._kind(_TRUTH), data=self._laps.touching)
-
-    def _make_collision_count(self) -> Any:
-        return made(self._kind(_COUNT), data=self._laps.touches)
-
-    def _make_lap_count(self) -> Any:
-        return made(self._kind(_COUNT), data=len(self._laps.times))
-
-    def _make_lap_time(self) -> Any:
-        return self._number(self._odometry.stamp - sum(self._laps.times))
-
-    def _make_last_lap_time(self) -> Any:
-        return self._number((0.0, *self._laps.times)[-1])
-
-    def _make_best_lap_time(self) -> Any:
-        return self._number(min(self._laps.times, default=0.0))
+    def _make_number(self, name: str) -> Any:
+        """Return the message of one number, or whether something is so."""
+        laps, (speed, steering_angle) = self._laps, self.command
+        found: float = {
+            "speed": self._odometry.speed, "throttle": speed / THROTTLE, "steering": steering_angle / STEERING,
+            "collision": laps.touching, "collision_count": laps.touches, "lap_count": len(laps.times),
+            "lap_time": self._odometry.stamp - sum(laps.times), "last_lap_time": (0.0, *laps.times)[-1],
+            "best_lap_time": min(laps.times, default=0.0),
+        }[name]  # fmt: skip
+        kind = next(kind for kind, maker in TOPICS.values() if maker == name)
+        return made(self._kind(kind), data=_single(found) if kind == _FLOAT else found)
 
     def _make_image(self) -> Any:
         assert self.surroundings is not None
@@ -428,9 +411,6 @@ class Sensing:
             self._kind("sensor_msgs/msg/JointState"), header=self._header(self._odometry.stamp, name), name=[name],
             position=array.array("d", (turned,)),
         )  # fmt: skip
-
-    def _number(self, value: float) -> Any:
-        return made(self._kind(_FLOAT), data=_single(value))
 
     def _plain_pose(self, x: float, y: float, qz: float, qw: float) -> Any:
         return made(

@@ -16,7 +16,6 @@ import time
 import warnings
 from collections import deque
 from dataclasses import replace
-from types import TracebackType
 from typing import Protocol
 
 import numpy as np
@@ -79,9 +78,7 @@ class DevKit:
     def __enter__(self) -> DevKit:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -9,7 +9,6 @@ import math
 import re
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from types import TracebackType
 from typing import Any
 
 from fg_mujoco.addons.look.live.live_session import LiveSession
@@ -102,9 +101,7 @@ class Ros2Server:
     def __enter__(self) -> Ros2Server:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
