@@ -48,7 +48,7 @@ LoggingSeverity = enum.IntEnum(
 )
 
 
-_EXCEPTIONS = {each.__name__: each for each in (
+_EXCEPTIONS: dict[str, type] = {each.__name__: each for each in (
     InvalidParameterTypeException, InvalidParameterValueException, ParameterAlreadyDeclaredException,
     ParameterException, ParameterNotDeclaredException,
 )}  # fmt: skip
