@@ -1,10 +1,4 @@
-"""The world behind both interfaces of f1tenth_gym: cars, their engine, the noise of their scans, and their laps.
-
-driving = Driving(course, [WorldCar()], timestep=0.01)
-driving.place([[0.0, 0.0, 0.0]])
-collided = driving.drive([[0.1, 2.0]])      # steering angle [rad] and speed [m/s] of each car, held for a step
-driving.motions[0], driving.scan(0), driving.laps[0].completed
-"""
+"""The world behind both interfaces of f1tenth_gym: cars, their engine, the noise of their scans, and their laps."""
 
 from __future__ import annotations
 

@@ -1,11 +1,5 @@
 """Computes from a vehicle's masses and lengths its rest position, its steering geometry and the strength of its drive.
 
-    spec = Vehicle.load("f1tenth").spec()
-    for body in ("steering", "front_left_carrier", "front_right_carrier"):
-        spec.body(body).pos = (0.40, *spec.body(body).pos[1:])
-    fit(spec, mass=5.5, center_of_gravity=(0.20, 0.08), yaw_inertia=0.09)
-    Path("long.xml").write_text(spec.to_xml())
-
 The numbers of the bundled vehicles are those that `fit` gives, and the tests hold them to it.
 """
 

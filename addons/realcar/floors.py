@@ -1,8 +1,5 @@
 """Floors: the friction of real tires on real ground, with where and how it was measured. Files of models/floors/.
 
-    floor = Floor.load("ipz8")
-    floor.mu_of(Tires.load("forzaeth_nuc2"))  # greatest peak of these tires on that floor; None: as in their file
-
 Friction belongs to a tire and a floor together. A set of tires that says on which floor it was measured keeps its own
 friction there, and on another floor has it times the ratio of the floors' `mu`. A set that does not say, or whose floor
 is not among the files, gets the floor's `mu` as its greatest lateral peak, as of `--mu`; `coulomb` and `contact`, too.

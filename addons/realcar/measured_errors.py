@@ -1,9 +1,5 @@
 """Errors of a real LiDAR by range and bearing: its noise, its bias and its dropouts, as measured on drives.
 
-    errors = MeasuredErrors.load("ipz20")
-    errors.noise[0]                       # [m] standard deviation at bearings[0], at each of `ranges`
-    errors = MeasuredErrors.load("my_lidar.toml")
-
 A file is TOML with the keys of MeasuredErrors. The bundled files are those of models/lidar_effects/.
 """
 

@@ -1,27 +1,8 @@
 """A run folder as a ROS 2 bag in one MCAP file, which Foxglove, `ros2 bag` and rosbags open.
 
-    /scan          sensor_msgs/LaserScan                 measured again (resimulation), frame laser
-    /odom          nav_msgs/Odometry                     odom -> base_link
-    /imu           sensor_msgs/Imu                       frame imu
-    /joint_states  sensor_msgs/JointState                steering angle, turning rates of the wheels
-    /sensors/core  vesc_msgs/VescStateStamped            speed, current and duty of a motor, a constant voltage
-    /drive         ackermann_msgs/AckermannDriveStamped  the planner's command
-    /tf            tf2_msgs/TFMessage                    odom -> base_link
-    /tf_static     tf2_msgs/TFMessage                    map -> odom, base_link -> laser, base_link -> imu; latched
-    /map           nav_msgs/OccupancyGrid                frame map; latched
-
-Of a car with `sensors`, all that each of them has delivered:
-
-    /sensors/NAME  fg_mujoco_msgs/msg/Reading                 names with units, values; frame of the sensor
-
-Of several cars, car 0 has these topics. The others have topics of the same kinds by their own names, those of
-f1tenth_gym_ros, with frames of their own under map:
-
-    /ego_racecar/odom  car 0's odometry, map -> ego_racecar/base_link;  /ego_racecar/opp_odom  car 1's
-    /opp_scan, /opp_drive, /opp_racecar/odom, /opp_racecar/imu, /opp_racecar/joint_states  car 1's;
-    /opp_racecar/opp_odom  car 0's
-    /opp_scan2, /opp_drive2, /opp_racecar2/odom, /ego_racecar/opp_odom2 and so on  car 2's; then 3 in place of 2
-    /opp_racecar/sensors/NAME, /opp_racecar2/sensors/NAME  of the others' sensors
+Its topics are in docs/addons/ros/bags.md. Of several cars, car 0 has these. The others have topics of the same kinds
+by their own names, those of f1tenth_gym_ros, /opp_scan, /opp_racecar/odom, /ego_racecar/opp_odom and so on, then
+/opp_scan2 and so on, with frames of their own under map.
 
 Times are simulated: a run begins at 0. A message is logged at the tick in which it was delivered; its stamp is the
 time of the measurement. The odometry of a run does not drift, so map and odom are one frame.

@@ -1,20 +1,11 @@
 """A live race for Foxglove: its car in 3D, scan, map, transforms and plots; commands, parameters and services back.
 
-The topics are those of a bag (`bag_writer`), as ROS 2 messages in CDR; with them come
-
-    /clock  rosgraph_msgs/Clock        simulated time
-    /scene  foxglove.SceneUpdate       walls, ground and cars; frames are bodies of the model
-    /car    JSON                       numbers to plot: speed, command, slip, laps
-
-A client may publish, in JSON or CDR:
-
-    /drive        ackermann_msgs/AckermannDriveStamped      held from then on
-    /cmd_vel      geometry_msgs/Twist                       likewise; what Foxglove's panel Teleop publishes
-    /initialpose  geometry_msgs/PoseWithCovarianceStamped   the car is put there, standing
-
-and call /reset and /pause. The parameters `mu`, `planner_mu`, `max_speed`, `paused`, `driver` and `planner.SETTING` are
-read and set. The server is that of foxglove-sdk (the extra `foxglove`). It listens on 127.0.0.1 unless another
-address is given: whoever reaches it may drive the car.
+The topics are those of a bag (`bag_writer`), as ROS 2 messages in CDR, with /clock, /scene (foxglove.SceneUpdate, its
+frames are bodies of the model) and /car (JSON, numbers to plot). A client may publish on ACCEPTED, in JSON or CDR:
+commands, which are held from then on, or a pose, where the car is put, standing. It may call SERVICES, and read and set
+the parameters `mu`, `planner_mu`, `max_speed`, `paused`, `driver` and `planner.SETTING`. The server is that of
+foxglove-sdk (the extra `foxglove`). It listens on 127.0.0.1 unless another address is given: whoever reaches it may
+drive the car.
 """
 
 from __future__ import annotations

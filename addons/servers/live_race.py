@@ -1,13 +1,7 @@
 """A live race as ROS has it: topics that sensors publish on, and topics that commands are taken from.
 
-Published are the topics of the node host (`node_host.sensing`) but AutoDRIVE's, by the same names, and
-
-    /tf_static      tf2_msgs/TFMessage                    where LiDAR and IMU are mounted
-    /drive          ackermann_msgs/AckermannDriveStamped  the planner's command, while the planner drives
-    /joint_states   sensor_msgs/JointState                steering angle, turning rates of the wheels
-    /car            std_msgs/String                       numbers to plot, in JSON, and what happened last
-    /collision, /lap_count, /lap_time, /last_lap_time, /best_lap_time, all of these below /ego_racecar, too
-    /opp_scan, /opp_racecar/collision                     of the first opponent
+Published are the topics of the node host (`node_host.sensing`) but AutoDRIVE's, by the same names, and /tf_static, the
+planner's command on /drive while it drives, _OWN, and of the first opponent _OF_OPPONENT.
 
 Taken are commands on the drive topics that the node host knows and on /cmd_vel, those of the first opponent on
 /opp_drive, which are held and no ticks of their own, and poses on /initialpose.

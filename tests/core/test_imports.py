@@ -22,7 +22,7 @@ NAMED_AT_RUN_TIME = {
     "fg_mujoco.registry": "what rooms above have registered",
     "fg_mujoco.addons.gym2d.old_gym": "modules of gymnasium and of a script",
     "fg_mujoco.addons.gym2d.installing": "modules of its own room, by the names that scripts import",
-    "fg_mujoco.addons.gym2d.pyglet_stub": "its own parts",
+    "fg_mujoco.addons.gym2d.drawing": "its own parts",
     "fg_mujoco.addons.ros.node_host.imports": "modules of a node",
     "fg_mujoco.lab.lab": "the experiments, modules of its own room",
     "fg_mujoco.pictures.rendering.gl": "the back end of MuJoCo's renderer",

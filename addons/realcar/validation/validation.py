@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ..drives.drive_recording import RecordedDrive
 from ..drives.reading import read_drives
 from ..identification.fit import require_scipy
 from .agreement import UNITS, Agreement, agreements, joined, rms, steady_task, task_of
-from .car_model import CarModel, Task
+from .car_model import CarModel
 from .unknown import AGREES, unknown_parts
 from .windows import (
     HOLD_SPEED,
@@ -44,29 +44,6 @@ state."""
 
 _SPIN = 0.7  # [rad] of sideslip: a car that has spun
 _SAME_STEERING, _SAME_SPEED = 0.02, 0.2  # [rad], [m/s] within which steady states are one
-
-
-class DriveModel(Protocol):
-    """A model of a car that can be driven through windows."""
-
-    @property
-    def name(self) -> str:
-        """What it is called in tables."""
-
-    @property
-    def car(self) -> CarParameters:
-        """The car's constants."""
-
-    @property
-    def response(self) -> CommandResponse:
-        """How it answers commands."""
-
-    @property
-    def friction(self) -> float:
-        """The friction that it is driven with [-]."""
-
-    def simulate(self, task: Task, watch: Callable[[int, int], None] | None = None) -> FloatArray:
-        """Return the motion of each start, as `CarModel.simulate` does."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,7 +218,7 @@ def read(
 
 
 def _motions_of(
-    drives: Sequence[RecordedDrive], model: DriveModel, watch: Callable[[str], None] | None
+    drives: Sequence[RecordedDrive], model: CarModel, watch: Callable[[str], None] | None
 ) -> tuple[list[DriveMotion], list[str]]:
     """Return the smoothed motions of drives for the car of a model, and which drives are left out and why."""
     require_scipy()
@@ -262,7 +239,7 @@ def _motions_of(
 
 
 def validate_model(
-    model: DriveModel, drives: Sequence[RecordedDrive], *, watch: Callable[[str], None] | None = None
+    model: CarModel, drives: Sequence[RecordedDrive], *, watch: Callable[[str], None] | None = None
 ) -> Validation:
     """Return how well any model agrees with recorded drives; `watch` and errors as of `validate`."""
     motions, left_out = _motions_of(drives, model, watch)

@@ -1,8 +1,5 @@
 """Launch files of ROS 2 in XML and YAML: their entities as the objects that a launch file in Python makes.
 
-    <node pkg="my_car" exec="drive"><param name="speed" value="$(var speed)"/></node>
-    Node(package="my_car", executable="drive", parameters=[{"speed": LaunchConfiguration("speed")}])
-
 Source: the frontends of ROS 2 (launch, launch_xml, launch_yaml, launch_ros), entities and substitutions by their names.
 """
 

@@ -1,15 +1,6 @@
 """Reads the file that `ros:` names, a node's or a launch file of several nodes; only `start_launch_file` executes any.
 
-A launch file of ours is YAML, with paths from its own folder:
-
-    nodes:
-      - file: wall_follow.py
-        class: WallFollow             # without it the file is run as a script
-        name: wall_follow             # of the node; its own where there is none
-        parameters: {speed: 2.0}
-        params_file: config.yaml      # as ROS has them
-        remap: {/drive: /wall_drive}
-        args: car_1 --fast            # in its sys.argv
+A launch file of ours is YAML with a list `nodes` of _KEYS, paths from its own folder: docs/addons/ros/nodes.md.
 """
 
 from __future__ import annotations

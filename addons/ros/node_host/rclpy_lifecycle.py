@@ -1,9 +1,5 @@
 """Lifecycle nodes of rclpy. Nobody asks for transitions here: a node is configured and activated when it is spun.
 
-    class Mine(LifecycleNode):
-        def on_configure(self, state): ...     # makes its publishers and subscriptions
-        def on_activate(self, state): return super().on_activate(state)
-
 A transition that fails leaves the node where it was, and the race ends: it would not drive.
 """
 
