@@ -1,28 +1,19 @@
 """Model-predictive control along a line: the plan of least cost for the next second, of which a tick is driven.
 
 The plan is a linear time-varying program (ltv_program) of 20 steps of 0.05 s. Its state, in the frame of the line:
-
-    distance of the rear axle from the line [m], angle of the heading to the line [rad],
-    lateral speed of the centre of gravity [m/s] and yaw rate [rad/s] where tires need slip angles,
-    steering angle less that of the line's curvature [rad]
-
-1. The car's speed along the horizon is that of the line's profile, reached with what the tires give in braking and
-   accelerating. The place of each step on the line follows, and with it the line's direction and curvature.
-2. The input is the steering rate. It is bounded by what the friction limiter allows at the speed and the steering angle
-   of each step, and by the way that the servo comes in a tick. So the car begins to turn in before a bend at which it
-   would be late. The steering angle is bounded by lock and grip. The distance from the line costs more where walls
-   that are known leave no room beside it, and there the car slows.
-3. The cost is that of the regulator in line_trackers, e^2 / L^4 + k^2 over the way, k the curvature beyond the line's,
-   and a share for the change of k.
-4. Where tires need no slip angles, the car is kinematic. Else it is the single-track car, whose axles have the secant
-   stiffness of their curves at the force of the line's curvature (slip). The steering angle is that of the arc, as
-   everywhere in planners, and the wheels are turned by the lead more.
-5. The command is the angle for which the servo reaches the plan's angle at the next tick. Where commands arrive late,
-   the plan begins where the car will be then.
-
-Where the program does not converge, the car steers by the last plan. Where that is over, it brakes, and steers by its
-last angle.
-
+distance of the rear axle from the line [m], angle of the heading to the line [rad], lateral speed of the centre of
+gravity [m/s] and yaw rate [rad/s] where tires need slip angles, steering angle less that of the line's curvature [rad].
+The speed along the horizon is that of the line's profile, reached with what the tires give. The input is the steering
+rate, bounded by what the friction limiter allows at the speed and the steering angle of each step, and by the way that
+the servo comes in a tick: the car begins to turn in before a bend at which it would be late. The steering angle is
+bounded by lock and grip. The distance costs more where walls that are known leave no room beside the line, and there
+the car slows. The cost is that of the regulator in line_trackers, e^2 / L^4 + k^2 over the way, k the curvature beyond
+the line's, and a share for the change of k.
+Where tires need no slip angles, the car is kinematic. Else it is the single-track car, whose axles have the secant
+stiffness of their curves at the force of the line's curvature (slip). The steering angle is that of the arc, and the
+wheels are turned by the lead more. The command is the angle for which the servo reaches the plan's angle at the next
+tick; the plan begins where the car will be when late commands act. Where the program does not converge, the car steers
+by the last plan; where that is over, it brakes, and steers by its last angle.
 Source: P. Falcone et al., Predictive Active Steering Control for Autonomous Vehicle Systems, IEEE TCST 15(3), 2007, for
 the linear time-varying plan; the model is R. Rajamani, Vehicle Dynamics and Control, 2012, chapter 2.
 """

@@ -1,20 +1,15 @@
 """The fastest closed line between walls: of least curvature, or of least lap time.
 
-1. The line is points that are evenly apart. Each may move along its normal, within the room that walls and obstacles
-   leave the car's rectangle and a margin there.
-2. Least curvature: second differences of the places are linear in the moves, so that the sum of their squares is a
-   quadratic program on the ring of points (band_program). It is solved again on the line that it gave. As steps count
-   as unchanged, this rewards a shorter line, too.
-3. Least time: the lap is that of the fastest speeds, by a pass along the line and one against it. Going through both
-   passes backwards gives the derivative of the lap time by all curvatures and steps at once. Each move is least for
-   that derivative and a multiple of the squared change of curvature, which grows where a move brought nothing.
-
+The line is points that are evenly apart. Each may move along its normal, within the room that walls and obstacles leave
+the car's rectangle and a margin. Least curvature is a quadratic program on the ring of points (band_program), as second
+differences of the places are linear in the moves; it is solved again on the line that it gave. As steps count as
+unchanged, this rewards a shorter line, too. Least time: the lap is that of the fastest speeds, by a pass along the line
+and one against it. Going through both backwards gives the derivative of the lap time by all curvatures and steps. Each
+move is least for it and a multiple of the squared change of curvature, which grows where a move brought nothing.
 Sources: A. Heilmeier et al., Minimum curvature trajectory planning and control for an autonomous race car, Vehicle
 System Dynamics 58(10), 2020; D. Brayshaw and M. Harrison, A quasi steady state approach to race car lap simulation,
 Proc. IMechE D 219, 2005, for the lap time; the sequence of quadratic programs is that of Levenberg and Marquardt.
-
-Limits: the line found is the best near the one of least curvature, and not the best of all. Another side of an obstacle
-is not tried.
+Limits: the line found is the best near the one of least curvature. Another side of an obstacle is not tried.
 """
 
 from __future__ import annotations

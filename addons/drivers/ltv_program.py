@@ -1,22 +1,15 @@
 """A quadratic program along a horizon: the inputs of least cost for a linear time-varying system with bounds.
 
 It minimises the sum of weights[k] x[k]^2 / 2 and effort[k] u[k]^2 / 2, over x[k + 1] = a[k] x[k] + b[k] u[k] + c[k].
-The one input u is bounded. So are its sum with a multiple of the last entry of the state before it, and the last and
-the first entry of the state that it leads to: columns INPUT, COUPLED, LAST and FIRST of `limits`. A bound is hard, or
-soft: then it costs a weight times half of the squared distance beyond it.
-
-The method is the predictor and corrector of Mehrotra, an interior-point method. With slacks and multipliers as they
-are, a step is a linear-quadratic regulator without bounds: each bound adds to the weight of its value, and to its
-slope. Such a program is solved by Riccati's recursion: once backward for the gains, then for each of the two right
-sides once backward for the feed-forward and once forward for the states. A program takes 3 to 20 steps, whatever bounds
-are active.
-
+Bounded are the one input u, its sum with a multiple of the last entry of the state before it, and the last and the
+first entry of the state that it leads to: columns INPUT, COUPLED, LAST and FIRST of `limits`. A bound is hard, or soft:
+then it costs a weight times half of the squared distance beyond it. The method is the predictor and corrector of
+Mehrotra: with slacks and multipliers as they are, a step is a linear-quadratic regulator without bounds, as each bound
+adds to the weight of its value, and to its slope; Riccati's recursion solves it. A program takes 3 to 20 steps.
 Sources: S. Mehrotra, On the Implementation of a Primal-Dual Interior Point Method, SIAM Journal on Optimization 2(4),
 1992; C. Rao, S. Wright and J. Rawlings, Application of Interior-Point Methods to Model Predictive Control, Journal of
 Optimization Theory and Applications 99(3), 1998, for the recursion.
-
-Limits: the steps begin anew for each program, and a known solution of one like it does not make them fewer. A program
-whose hard bounds no inputs meet does not converge.
+Limits: the steps begin anew for each program. One whose hard bounds no inputs meet does not converge.
 """
 
 from __future__ import annotations

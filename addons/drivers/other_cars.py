@@ -1,23 +1,17 @@
 """Other cars in the scan: which small things there move, where they are, and how fast.
 
-A car that races others carries a box of 12 x 12 cm at the height of the LiDAR. In a scan it is a short run of beams
-that end nearer than those to both sides, or to one side where a wheel of the same car is to the other. Noise cuts such
-runs out of walls, too, where neighbouring beams end about `_EDGE` apart: at a distance that goes along with the car, as
-a car ahead does. So the noise of the beams is estimated in each scan, and a run counts only if neither neighbour lies
-on the straight line through it, within that noise. Runs are followed from scan to scan in a frame that stands still,
-by dead reckoning: position and velocity by an alpha-beta filter. One that has moved by `_MOVED` at `_LEAST_SPEED` or
-faster, beyond what noise makes of it, is a car, and stays one when it stops, as long as it is followed. All else
-stands, as walls do.
-
+A car that races others carries a box of 12 x 12 cm at the height of the LiDAR: a short run of beams that end nearer
+than those to both sides, or to one side where a wheel of the same car is to the other. Noise cuts such runs out of
+walls, too, where neighbouring beams end about `_EDGE` apart. So the noise of the beams is estimated in each scan, and a
+run counts only if neither neighbour lies on the straight line through it, within that noise. Runs are followed by dead
+reckoning: position and velocity by an alpha-beta filter. One that has moved by `_MOVED` at `_LEAST_SPEED` or faster,
+beyond what noise makes of it, is a car, and stays one when it stops, as long as it is followed. A planner that is told
+the odometry of the other cars follows these instead (`follow_told`), also where a car stands.
 Source: P. Kalata, The Tracking Index: A Generalized Parameter for alpha-beta and alpha-beta-gamma Target Trackers, IEEE
 Transactions on Aerospace and Electronic Systems, 1984, for the filter; its gains at first are those of a least-squares
 line through all sightings.
-
-A planner that is told the odometry of the other cars follows these instead (`follow_told`), as long as it is told: at
-once, without error, and also where a car stands.
-
-Limits: a car that is partly hidden, or nearer to a wall behind it than `_EDGE`, may be taken for the wall. One that
-is hidden or behind the LiDAR's field of view is taken to go on as it did, for `_FORGOTTEN`.
+Limits: a car that is partly hidden, or nearer to a wall behind it than `_EDGE`, may be taken for the wall. One that is
+hidden or behind the LiDAR's field of view is taken to go on as it did, for `_FORGOTTEN`.
 """
 
 from __future__ import annotations

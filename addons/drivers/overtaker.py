@@ -1,17 +1,13 @@
 """Overtaker: the gap finder among other cars, from the scan and odometry alone.
 
-1. Moving objects in the scan are separated from standing ones (perception.other_cars). Only what has moved is a car.
-   With `knows=opponents` the cars are those whose odometry is told, as far as they are in sight.
-2. The beams that end on a car are lengthened to what is next to it. The course ahead of the car is where it is expected
-   to go, with the room to both sides (corridor).
-3. Each car is followed or passed, by the room that there is (safety.passing). While the planner's car follows, it
-   drives as the gap finder does in the scan without cars, so slowly that it could stop behind the car ahead.
-4. While it passes, it keeps a lane: the other car's way, moved aside into the room there. Guidance does not change it.
-5. The safety filter simulates its stops in the scan without cars, and compares each place of a stop with the places
-   where the others may be then. What moves and is no car is predicted as every planner does it (safety.predictions).
-6. A car that has stood for two seconds is an obstacle. So is, once a car has been met, a thing that stands and is as
-   large as the box on a car: it is drawn into the scan as large as a car.
-
+Cars are what has moved in the scan (other_cars), with `knows=opponents` those whose odometry is told, as far as they
+are in sight. The course ahead of a car is where it is expected to go, with the room to both sides (corridor). Each is
+followed or passed, by the room that there is (passing). While it follows, the planner's car drives as the gap finder
+does in the scan without cars, so slowly that it could stop behind the car ahead. While it passes, it keeps a lane,
+which guidance does not change. The safety filter simulates its stops in the scan without cars, and compares each place
+of a stop with the places where the others may be then. A car that has stood for two seconds is an obstacle. So is, once
+a car has been met, a thing that stands and is as large as the box on a car: it is drawn into the scan as large as a
+car.
 Limits: cars are taken to keep their share of the course's width. One that comes up from behind is not seen; nor is one
 that is hidden. Without a car that has moved in sight this is the gap finder, to the last bit.
 """

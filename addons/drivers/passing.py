@@ -1,14 +1,10 @@
 """Among other cars: which to keep behind, which to pass and on which side, and how fast.
 
-A car ahead is followed until there is room to pass it: beside it, and along the way that it drives meanwhile, as far as
-the course is seen (corridor). A car that follows keeps such a distance that it could stop behind the other
-one, should that one brake. A pass begins where there is `room_to_pass` next to the other car all along that way, and
-more for each m/s. It is given up where there is less than `room_to_go_on`, unless the planner's car is beside the other
-one already, where it is not beside it after 5 s, and where they come nearer to each other than a margin: then the
-planner's car drops back.
-
-Next to another car the planner's car keeps its lane. It closes in on a car ahead only while it is clear of it sidewise.
-
+A car ahead is followed, at a distance at which the car could stop behind it should it brake, until there is
+`room_to_pass` beside it, more for each m/s, along the way that it drives meanwhile, as far as the course is seen
+(corridor). A pass is given up where there is less than `room_to_go_on`, unless the cars are beside each other already,
+where they are not after 5 s, and where they come nearer to each other than a margin. Next to another car the planner's
+car keeps its lane. It closes in on a car ahead only while it is clear of it sidewise.
 Source of the distance: S. Shalev-Shwartz, S. Shammah and A. Shashua, On a Formal Model of Safe and Scalable
 Self-driving Cars, arXiv 1708.06374, where it is called the safe longitudinal distance.
 """

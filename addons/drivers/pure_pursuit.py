@@ -1,24 +1,16 @@
 """Pure pursuit: the car has a map, and follows a line through it. The reference for what a map is worth.
 
-1. Where the car is (Odometry.pose), and the point of the line that is nearest to its rear axle: from the one of
-   the last tick on, so that a stretch that runs close by is not mistaken for this one. At first, and where the car is
-   further than `lost_distance` from the stretch that it was on, the whole line is searched.
-2. The goal is the first point from there on that is at least a lookahead away. The lookahead grows with the speed, with
-   how late the car's wheels turn, and with the distance to the line, so that the car joins it at a flat angle. Beyond
-   the end of an open line it is straight on.
-3. The arc through the goal, tangent to the car at its rear axle, has curvature 2 y / L^2 (steering.pursue). That to a
-   goal behind the car leads away from it at first: there the car turns as sharply as it can. With `tracker` the car
-   steers by another law where it is near the line (line_trackers, line_mpc).
-4. The speed is that of a profile computed once (line_profile.limit_speeds): cornering, braking and accelerating
-   within what the planner assumes the tires hold, and no faster than the line's own speeds. It is read where the car is
-   and where it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
-
+The nearest point of the line is looked for from the one of the last tick on, so that a stretch that runs close by is
+not mistaken for this one; at first, and beyond `lost_distance`, on the whole line. The goal is the first point from
+there on that is at least a lookahead away, which grows with the speed, with how late the car's wheels turn, and with
+the distance to the line, so that the car joins it at a flat angle. The arc to it has curvature 2 y / L^2
+(steering.pursue); to a goal behind it the car turns as sharply as it can. With `tracker` the car steers by another law
+near the line (line_trackers, line_mpc). The speed is that of a profile computed once (line_profile.limit_speeds), where
+the car is and where it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
 The line is the centreline, that of a CSV file (line_profile.read_line), driven in the order of its points, or that of
-least lap time between the map's walls (line_optimizer). It is closed if the map's own line is, and then it has to go
-round in the same direction.
-
+least lap time between the map's walls (line_optimizer). It is closed if the map's own line is, and then goes round in
+the same direction.
 Source: R. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
-
 Limits: the planner does not see obstacles. Its speed law is `friction`, the profile held in transients; `stopping` and
 `minimum` stop it before an obstacle on its line, and it stays there. It cuts corners, more with a longer lookahead. It
 brakes without a pose, and without a scan: a car whose LiDAR is dead does not know its pose for long.

@@ -1,17 +1,15 @@
 """The single-track model of a car, with two kinds of axles, and its forward simulation.
 
 Both kinds carry the loads by longitudinal transfer, F_zf = m (g l_r - a_x h) / L and F_zr = m (g l_f + a_x h) / L.
-
-- Linear axles, as the 2D gyms drive them: F_y = mu C_S F_z alpha. Angles are small: steering and slip angles stand
-  where their tangents would, and nothing turns a force. `linear_rates` has the equations. Source: M. Althoff, M. Koschi
-  and S. Manzinger, "CommonRoad: Composable benchmarks for motion planning on roads", IV 2017, and its vehicle models,
-  the single-track model with load transfer by acceleration.
-- Magic Formula axles, which identification fits: F_y = F_z D sin(C atan(B a - E (B a - atan(B a)))), with the slip
-  angles a_f = delta - atan((v_y + l_f r) / v_x), a_r = -atan((v_y - l_r r) / v_x). `simulate` drives them at the
-  forward speed and acceleration that were measured. Of the force that drives the car, the share of the front axle acts
-  along the steered wheels. With a share of 0 this is CommonRoad's model with the tires of ForzaETH's On-Track-SysID
-  (arXiv 2411.17508). A shaft makes both axles turn alike: on the longer way of the front wheels they brake, and the
-  rear ones drive.
+Linear axles, as the 2D gyms drive them: F_y = mu C_S F_z alpha. Angles are small: they stand where their tangents
+would, and nothing turns a force. Source of `linear_rates`: M. Althoff, M. Koschi and S. Manzinger, "CommonRoad:
+Composable benchmarks for motion planning on roads", IV 2017, and its vehicle models, the single-track model with load
+transfer by acceleration.
+Magic Formula axles, which identification fits: F_y = F_z D sin(C atan(B a - E (B a - atan(B a)))), with the slip angles
+a_f = delta - atan((v_y + l_f r) / v_x), a_r = -atan((v_y - l_r r) / v_x), at the forward speed and acceleration that
+were measured. Of the force that drives the car, the share of the front axle acts along the steered wheels. With a share
+of 0 this is CommonRoad's model with the tires of ForzaETH's On-Track-SysID (arXiv 2411.17508). A shaft makes both axles
+turn alike: on the longer way of the front wheels they brake, and the rear ones drive.
 """
 
 from __future__ import annotations

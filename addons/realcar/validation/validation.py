@@ -14,7 +14,6 @@ from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.vehicle.command_response import CommandResponse
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 

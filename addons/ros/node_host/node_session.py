@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -174,27 +175,12 @@ class NodeLogger:
             self._logger.log(level, "%s", text % values if values else text)
         return True
 
-    def debug(self, message: object, *values: object, **options: Any) -> bool:
-        """Log for the developer."""
-        return self.log(logging.DEBUG, message, *values, **options)
-
-    def info(self, message: object, *values: object, **options: Any) -> bool:
-        """Log what is usual."""
-        return self.log(logging.INFO, message, *values, **options)
-
-    def warning(self, message: object, *values: object, **options: Any) -> bool:
-        """Log what is not usual."""
-        return self.log(logging.WARNING, message, *values, **options)
-
+    debug = partialmethod(log, logging.DEBUG)
+    info = partialmethod(log, logging.INFO)
+    warning = partialmethod(log, logging.WARNING)
     warn = warning
-
-    def error(self, message: object, *values: object, **options: Any) -> bool:
-        """Log what is wrong."""
-        return self.log(logging.ERROR, message, *values, **options)
-
-    def fatal(self, message: object, *values: object, **options: Any) -> bool:
-        """Log what ends the node."""
-        return self.log(logging.CRITICAL, message, *values, **options)
+    error = partialmethod(log, logging.ERROR)
+    fatal = partialmethod(log, logging.CRITICAL)
 
     def set_level(self, level: Any) -> None:
         """Show messages from a level on."""
