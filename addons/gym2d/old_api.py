@@ -24,29 +24,16 @@ from .simulator import DynamicModel, Integrator, say_of_model
 class F110Env(RaceEnvironment, base_of_gym()):  # type: ignore[misc]
     """Some cars on a map, one on the oval by default, by the interface of f1tenth_gym v0.2.
 
-    Args:
-      map: path of a map_server YAML with or without `.yaml`, the name of a track in the folder of maps, or whatever
-        `load_track` takes, as `oval` or `random:7`.
-      map_ext: of the map's image, as `.png`; None: the image that the YAML names.
-      params: the car's physical parameters by the gym's names, built into the model; what is not is named in a warning.
-      num_agents: how many cars, 1 to 8.
-      timestep: of a step [s].
-      ego_idx: the car whose collision ends an episode, from 0.
-      seed: of the scans' noise.
-      integrator: of the gym, kept as an attribute; MuJoCo has its own.
-      model: of the gym, likewise; the car is MuJoCo's model.
-      lidar_dist: of the LiDAR ahead of the rear axle [m]; None: .275 m, as on the car.
-      num_beams: of a scan.
-      fov: of a scan [rad].
-      vehicle: of all cars: a bundled name, the path of a vehicle's MJCF file, or a Vehicle; not in the gym.
-      tires: that they stand on: a bundled set, a TOML file, or Tires; None: the vehicle's; not in the gym.
-      setup: a Setup that says vehicle and tires instead; not in the gym.
-      maps: folder of named maps; None: FG_MUJOCO_MAPS; not in the gym.
-      render_mode: kept as an attribute; `render` takes its mode as an argument.
-
-    Raises:
-      SettingsError: no such number of cars, no such ego; a timestep that is not positive.
-      TrackError: a map that cannot be read.
+    `map` is the path of a map_server YAML with or without `.yaml`, the name of a track in the folder `maps`, by default
+    FG_MUJOCO_MAPS, or whatever `load_track` takes, as `oval` or `random:7`; `map_ext` is of its image, as `.png`, None
+    that of the YAML. `params` are the car's physical parameters by the gym's names, built into the model; what is not
+    is named in a warning. There are 1 to 8 cars; the collision of `ego_idx` ends an episode. `timestep` [s] is of a
+    step, `seed` of the scans' noise, `lidar_dist` [m] ahead of the rear axle (None: .275 m, as on the car), `fov` [rad]
+    of a scan. `integrator`, `model` and `render_mode` are kept as attributes. Not in the gym are `vehicle`, a bundled
+    name, an MJCF file or a Vehicle, `tires`, a bundled set, a TOML file or Tires (None: the vehicle's), or `setup`, a
+    Setup that says both.
+    Raises SettingsError: no such number of cars, no such ego; a timestep that is not positive; TrackError: a map that
+    cannot be read.
     """
 
     metadata = {"render.modes": ["human", "human_fast"], "render_modes": ["human", "human_fast", "rgb_array"]}  # noqa: RUF012

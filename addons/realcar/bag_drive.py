@@ -109,16 +109,10 @@ def read_drives(
     *,
     vehicle: str | Path | Vehicle | None = None,
     columns: DriveColumns | Mapping[str, Any] | str | Path | None = None,
-    pose_topic: str | None = None,
-    drive_topic: str | None = None,
-    imu_topic: str | None = None,
-    odometry_topic: str | None = None,
+    **topics: str | None,
 ) -> list[Drive]:
     """Return the parts of the drive of a run folder, a CSV file or a bag; arguments and errors as in `identify`."""
     path = Path(source)
-    topics = {
-        "pose_topic": pose_topic, "drive_topic": drive_topic, "imu_topic": imu_topic, "odometry_topic": odometry_topic
-    }  # fmt: skip
     assumed = Vehicle.load(vehicle or DEFAULT_VEHICLE)
     if kind_of(path) == "run":
         refuse_for_kind(path, "run", columns, topics)
@@ -150,8 +144,10 @@ def read_bag_drive(
     with Recording(path) as bag, bag.blame():
         channels = _channels(bag, car, pose_topic, wanted)
         checked = {name: channels[name] for name in ("speed", "yaw_rate", "steering", "commanded", "pose")}
+        files = sorted(path.iterdir()) if path.is_dir() else [path]  # of a folder in the order of their names
         return RecordedDrive(
-            name=str(path), sha256=_sha256(path), layout="bag", beams=None, checks=check_drive(**checked), **channels
+            name=str(path), sha256=file_sha256(*files), layout="bag", beams=None, checks=check_drive(**checked),
+            **channels,
         )  # fmt: skip
 
 
@@ -234,8 +230,3 @@ def _joints(message: Any, names: Iterable[str], values: Any) -> list[float] | No
     if any(name not in there or there.index(name) >= len(values) for name in names):
         return None
     return [float(values[there.index(name)]) for name in names]
-
-
-def _sha256(path: Path) -> str:
-    """Return the hash of a bag: of its file, or of the files of its folder in the order of their names."""
-    return file_sha256(*(sorted(path.iterdir()) if path.is_dir() else [path]))

@@ -53,6 +53,10 @@ class Estimate:
     value: float
     half: float
 
+    def times(self, factor: float) -> Estimate:
+        """Return it in another unit."""
+        return Estimate(value=self.value * factor, half=self.half * factor)
+
     def __str__(self) -> str:
         return f"{self.value:.4g} +- {self.half:.2g}" if np.isfinite(self.half) else f"{self.value:.4g}, at its bound"
 
@@ -285,7 +289,7 @@ def identify_drives(
         steering_gain=of("steering_gain"), steering_offset=of("steering_offset"), steering_lag=of("steering_lag"),
         steering_delay=of("steering_delay"), gyro_bias=of("gyro_bias"), lateral_gain=of("lateral_gain"),
         relaxation_length=Estimate(value=np.nan, half=np.nan) if single_track else of("relaxation_length"),
-        pose_delay=of("pose_delay"), steering_limit=_times(of("limit_ratio"), drives[0].car.max_steering_angle),
+        pose_delay=of("pose_delay"), steering_limit=of("limit_ratio").times(drives[0].car.max_steering_angle),
         inertia_ratio=of("inertia_ratio"), speed=speed, validation=validation,
         inverse_validation=_validate(others, inverse, fit.noise), fit=fit, problems=tuple(problems),
         of_each=tuple(zip((problem.drive.name for problem in others), of_each, strict=True)), others=tuple(others),
@@ -377,10 +381,6 @@ def _reached(problems: Sequence[DriveProblem], parameters: FloatArray) -> NDArra
 def _needs(reached: float, stiffness: float) -> str:
     needed = _SLIP_OF_PEAK * _USUAL_PEAK / stiffness
     return f"slip angles reach {reached:.2g} rad; the peak needs about {needed:.2g}"
-
-
-def _times(estimate: Estimate, factor: float) -> Estimate:
-    return Estimate(value=estimate.value * factor, half=estimate.half * factor)
 
 
 def _estimate(fit: Fit, index: int) -> Estimate:

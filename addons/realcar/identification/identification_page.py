@@ -51,7 +51,7 @@ def write_identification_report(found: Identification, path: str | Path) -> Path
     title = f"Tires of {found.drives[0].vehicle}"
     figures = [(_figure(axle.stiffness), f"{name} stiffness [1/rad]") for name, axle in found.axles]
     figures += [(_figure(axle.peak), f"{name} peak [-]") for name, axle in found.axles if not found.linear]
-    figures.append((_figure(_times_1000(found.lateness)), "steering lag and delay [ms]"))
+    figures.append((_figure(found.lateness.times(1e3)), "steering lag and delay [ms]"))
     relative = 100.0 * found.validation.yaw_rate_relative
     body = html(
         _BODY,
@@ -113,10 +113,6 @@ def _averaged(values: FloatArray) -> FloatArray:
     """Return the means of every _SMOOTHED values."""
     whole = len(values) // _SMOOTHED * _SMOOTHED
     return np.asarray(values[:whole].reshape(-1, _SMOOTHED).mean(axis=1))
-
-
-def _times_1000(estimate: Estimate) -> Estimate:
-    return Estimate(value=1e3 * estimate.value, half=1e3 * estimate.half)
 
 
 def _figure(estimate: Estimate) -> str:

@@ -39,17 +39,9 @@ that is assumed [-], the yaw inertia at its mass (motion tells their ratio), and
 SIMULATED = 13
 """The first of PARAMETERS, which change the motion; the others but ROLL change what the sensors say of it."""
 
-ROLL = PARAMETERS.index("lateral_gain")
-"""Of the parameter that says how far a car rolls, which moves its wheels, too."""
-
-INERTIA = PARAMETERS.index("inertia_ratio")
-"""Of the parameter that the yaw inertia is multiplied by."""
-
-GAIN = PARAMETERS.index("steering_gain")
-"""Of the parameter that commands of the steering are multiplied by."""
-
-LIMIT = PARAMETERS.index("limit_ratio")
-"""Of the parameter that the greatest angle of the front wheels is multiplied by."""
+ROLL, INERTIA, GAIN, LIMIT = map(PARAMETERS.index, ("lateral_gain", "inertia_ratio", "steering_gain", "limit_ratio"))
+"""Of how far a car rolls, which moves its wheels, too, and of the factors of the yaw inertia, the steering's commands, and
+the greatest angle of the front wheels."""
 
 DIFFERENCE = 1e-6
 """By which a parameter, or a state, is moved for a derivative; of a parameter above 1, times it."""

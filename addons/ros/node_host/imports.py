@@ -325,7 +325,8 @@ class Imports:
             for folder in self._message_folders(name, loose=loose):
                 self._definitions.add_files(name, folder)
         names = self._definitions.names(name)
-        if not names and not self._has_services(name):
+        defined = name in SERVICE_PACKAGES or any(self._message_folders(name, part) for part in ("srv", "action"))
+        if not names and not defined:
             return False
         kinds = {each: self._definitions.kind(f"{name}/msg/{each}") for each in names}
         self._modules[f"{name}.msg"] = StandIn(f"{name}.msg", **kinds)
@@ -336,10 +337,6 @@ class Imports:
         for part in ("msg", "srv", "action"):
             setattr(self._modules[name], part, self._modules[f"{name}.{part}"])
         return True
-
-    def _has_services(self, package: str) -> bool:
-        """Return whether services or actions of a package are defined."""
-        return package in SERVICE_PACKAGES or any(self._message_folders(package, part) for part in ("srv", "action"))
 
     def _service(self, package: str, part: str, name: str) -> Mapping[str, type]:
         """Return the classes that a service or an action consists of, by part; none where nothing defines it."""

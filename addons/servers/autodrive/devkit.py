@@ -15,8 +15,8 @@ import math
 import time
 import warnings
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -49,11 +49,8 @@ _REAR = slice(2, 4)  # of the wheel speeds of an odometry
 _SAME_TIME = 1e-9  # [s]
 
 
-class Camera(Protocol):
-    """Takes the pictures that a DevKit is sent."""
-
-    def __call__(self, surroundings: Surroundings, odometry: Odometry) -> str:
-        """Return the picture of the front camera, a JPEG in base64."""
+Camera = Callable[[Surroundings, Odometry], str]
+"""Returns the picture of the front camera, a JPEG in base64."""
 
 
 class DevKit:
