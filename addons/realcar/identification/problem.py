@@ -40,8 +40,8 @@ SIMULATED = 13
 """The first of PARAMETERS, which change the motion; the others but ROLL change what the sensors say of it."""
 
 ROLL, INERTIA, GAIN, LIMIT = map(PARAMETERS.index, ("lateral_gain", "inertia_ratio", "steering_gain", "limit_ratio"))
-"""Of how far a car rolls, which moves its wheels, too, and of the factors of the yaw inertia, the steering's commands, and
-the greatest angle of the front wheels."""
+"""Of how far a car rolls, which moves its wheels, too, and of the factors of the yaw inertia, the steering's commands
+and the greatest angle of the front wheels."""
 
 DIFFERENCE = 1e-6
 """By which a parameter, or a state, is moved for a derivative; of a parameter above 1, times it."""
