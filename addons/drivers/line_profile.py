@@ -126,12 +126,9 @@ def limit_speeds(
 ) -> None:
     """Lower the speeds of a table to what the tires hold: cornering together with braking and accelerating.
 
-    A pass against the driving direction, in which each speed is at most what can be braked from to the next, and one
-    along it, in which it is at most what can be accelerated to from the one before. Braking and accelerating have
-    what cornering leaves (friction_limiter.longitudinal_share). A closed line is gone round twice, so that it does
-    not matter where it begins; at the end of an open one the car stands.
-
-    Source: the field's forward-backward solver, as in TUM's trajectory planning helpers (A. Heilmeier et al., 2019).
+    By a pass against the driving direction and one along it, twice round a closed line; at the end of an open one the
+    car stands. Braking and accelerating have what cornering leaves (friction_limiter.longitudinal_share). Source: the
+    field's forward-backward solver, as in TUM's trajectory planning helpers (A. Heilmeier et al., 2019).
     """
     count, step, grip = len(table), table[0, STEP], limiter.mu * limiter.car.gravity
     closed = table[-1, STEP] > 0.0

@@ -212,10 +212,7 @@ def _grip_of(entry: Entry, course: Course) -> Grip:
 
 
 def _clearances(poses: FloatArray, standing: FloatArray, car: CarParameters, reach: float) -> FloatArray:
-    """Return the least distance from the car to what stands within `reach` [m] of it, at each pose (n, 3). Shape (n,).
-
-    Poses follow each other along a line, so that a block of them has few segments (m, 4) near.
-    """
+    """Return the least distance from the car to what stands within `reach` [m], at each pose (n, 3) of a line, (n,)."""
     least, greatest = (each(standing[:, :2], standing[:, 2:]) for each in (np.minimum, np.maximum))
     found = np.empty(len(poses))
     for first in range(0, len(poses), _BLOCK):

@@ -176,15 +176,7 @@ class Ros2Server:
             self._patience *= 2.0
 
     def _take_others(self, driving: list[str], *, settled: bool) -> list[str]:
-        """Read a further topic of commands that is the only one of its type, as nodes do, or say that it is not read.
-
-        Args:
-          driving: topics of commands that are read, each as often as it has publishers.
-          settled: nobody has come for a while.
-
-        Returns:
-          The same without a topic that is read no longer, as a usual one has a publisher now.
-        """
+        """Read a further topic of commands, the only one of its type, or say that it is not. Return those read."""
         usual = [each for each in driving if each not in self._others]
         for topic in self._others.keys() & self._taken.keys() if usual else ():
             self._participant.unread(topic)
