@@ -224,7 +224,7 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
 
 
 def _heed_loads(told: Mapping[str, float], axles: Mapping[str, dict[str, Any]]) -> Iterator[str]:
-    """Give tires TUM's friction at the car's load, D (1 + eps F_z / f_z0), and how it falls there, in place."""
+    """Give tires, in place, TUM's friction at the car's load, D (1 + eps F_z / f_z0), and its fall; return words."""
     for axle, curve in axles.items():
         eps, nominal = told.get(f"eps{axle[0]}", 0.0), told.get("f_z0", math.nan)
         share = eps * curve["nominal_load"] / nominal if eps else 0.0

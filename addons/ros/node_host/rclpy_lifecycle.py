@@ -62,20 +62,7 @@ class LifecycleNodeMixin:
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         return TransitionCallbackReturn.SUCCESS
 
-    def on_activate(self, state: State) -> TransitionCallbackReturn:
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_deactivate(self, state: State) -> TransitionCallbackReturn:
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_cleanup(self, state: State) -> TransitionCallbackReturn:
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_shutdown(self, state: State) -> TransitionCallbackReturn:
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_error(self, state: State) -> TransitionCallbackReturn:
-        return TransitionCallbackReturn.SUCCESS
+    on_activate = on_deactivate = on_cleanup = on_shutdown = on_error = on_configure
 
     def create_lifecycle_publisher(self, *values: Any, **named: Any) -> LifecyclePublisher:
         return LifecyclePublisher(self, self.create_publisher(*values, **named))  # type: ignore[attr-defined]
