@@ -173,7 +173,6 @@ def export_bag(
     with BagWriter(path, {"summary": json.dumps(run.summary)}) as bag:
         for index, tick in enumerate(resimulate(run, world), start=1):
             time, sensed = nanoseconds(tick.time), tick.sensed
-            assert sensed is not None
             if index == 1:
                 grid = grid_of(model, sensed.position[:2])
                 bag.write("/map", grid_message(time, grid.cells, grid.resolution, grid.origin), time)

@@ -105,7 +105,6 @@ class DecisionClock:
     def __init__(self, limit: float | None = None) -> None:
         self.seconds: list[float] = []
         self.limit = math.inf if limit is None else limit
-        self._limit = limit
         self._compile_time = CompileTime()
         self._deciding = False
         self._began = self._compiled = 0.0
@@ -115,7 +114,6 @@ class DecisionClock:
     def __enter__(self) -> DecisionClock:
         self._compile_time.__enter__()
         if self._interrupts:
-            self._entered, self._timer_before = time.perf_counter(), signal.getitimer(signal.ITIMER_REAL)
             self._handler_before = signal.signal(signal.SIGALRM, self._interrupt)
         return self
 
@@ -123,10 +121,6 @@ class DecisionClock:
         if self._interrupts:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._handler_before or signal.SIG_DFL)
-            left, interval = self._timer_before
-            if left > 0.0:  # of somebody else's timer
-                gone = time.perf_counter() - self._entered
-                signal.setitimer(signal.ITIMER_REAL, max(left - gone, 1e-3), interval)
         self._compile_time.__exit__()
 
     def time(self, decide: Callable[[], _Answer]) -> _Answer:
@@ -138,8 +132,7 @@ class DecisionClock:
         self._began, self._compiled = time.perf_counter(), self._compile_time.seconds
         self._deciding = True
         if self._interrupts:
-            assert self._limit is not None
-            signal.setitimer(signal.ITIMER_REAL, self._limit, _AGAIN)
+            signal.setitimer(signal.ITIMER_REAL, self.limit, _AGAIN)
         try:
             try:
                 answer = decide()
@@ -171,6 +164,5 @@ class DecisionClock:
 
     def _interrupt(self, *signal_and_frame: object) -> None:
         """Handle the timer's signal."""
-        late = self._limit is not None and self._elapsed >= self._limit
-        if self._deciding and late and not self._compile_time.running:
+        if self._deciding and self._elapsed >= self.limit and not self._compile_time.running:
             raise DecisionLimitReached

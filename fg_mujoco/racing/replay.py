@@ -185,7 +185,6 @@ def decisions_again(folder: str | Path, controller: str) -> str:
         world = load_world(run)
         planner = recorded_planner(run.summary, world.model, controller=controller, where=str(folder))
         for tick in resimulate(cast(Recording, run), world):
-            assert tick.sensed is not None
             if hasattr(planner, "look_round"):
                 planner.look_round(tick.surroundings(world))
             with contextlib.redirect_stdout(sys.stderr):  # what it prints is not the replay's

@@ -83,16 +83,18 @@ class Tick:
     """One tick of a run, simulated again."""
 
     time: float  # [s] at its start
-    sensed: Sensed | None  # None where nothing was to be sensed
+    sensed_by_each: tuple[Sensed, ...]  # what every car sensed, car 0 the first
     command: DriveCommand  # that the planner answered
     state: FloatArray  # (k,) at its end
-    sensed_by_each: tuple[Sensed, ...] = ()  # what every car sensed, car 0 the first; empty where nothing was to be
+
+    @property
+    def sensed(self) -> Sensed:
+        """What car 0 sensed."""
+        return self.sensed_by_each[0]
 
     def surroundings(self, world: World) -> Surroundings:
         """Return the surroundings of car 0 of a world at the start of the tick, for planners with `look_round`."""
         others = tuple(_other_car(sensed) for sensed in self.sensed_by_each[1:])
-        if self.sensed is None:
-            return Surroundings(world=world, pose=(math.nan,) * 3, others=others)
         return Surroundings(world=world, pose=self.sensed.pose, others=others, up=up_of(self.sensed.quaternion))
 
 
@@ -135,40 +137,33 @@ def load_world(run: Run) -> World:
     return world
 
 
-def resimulate(run: Recording, world: World, *, sense: bool = True, follow: bool = True) -> Iterator[Tick]:
-    """Yield each tick of a run.
+def resimulate(run: Recording, world: World) -> Iterator[Tick]:
+    """Yield each tick of a run, which starts from its recorded state, also where the one that was simulated differs.
 
     Args:
       run: what was recorded.
       world: of `load_world(run)`.
-      sense: measure what the car sensed.
-      follow: start each tick from its recorded state, where the one that was simulated differs.
 
     Raises:
       RunFolderError: a summary without what the LiDAR was set to.
     """
     commands = np.column_stack((run.column("command_steering_rad"), run.column("command_speed_m_s"))).tolist()
     engine = Engine(world)
-    if not sense:
-        engine.load(run.states[0])
-    else:
-        rows = run.summary.get("cars") or ()
-        settings = [_sensor_settings(row) for row in (rows if len(world.cars) > 1 else (run.summary,))]
-        if len(settings) != len(world.cars):
-            said = f"summary.json: cars has {len(settings)} rows of {len(world.cars)} cars"
-            raise RunFolderError(f"{said}; accepted: one a car, as `race --out` wrote it")
-        effects, seeds, drifts, sensors = (list(each) for each in zip(*settings, strict=True))
-        engine.load(run.states[0], effects=effects, seed=seeds, odometry_drift=drifts, sensors=sensors)
+    rows = run.summary.get("cars") or ()
+    settings = [_sensor_settings(row) for row in (rows if len(world.cars) > 1 else (run.summary,))]
+    if len(settings) != len(world.cars):
+        said = f"summary.json: cars has {len(settings)} rows of {len(world.cars)} cars"
+        raise RunFolderError(f"{said}; accepted: one a car, as `race --out` wrote it")
+    effects, seeds, drifts, sensors = (list(each) for each in zip(*settings, strict=True))
+    engine.load(run.states[0], effects=effects, seed=seeds, odometry_drift=drifts, sensors=sensors)
     for controls, (steering_angle, speed), after in zip(run.ctrl, commands, run.states[1:], strict=True):
         time = float(engine.times[0])
-        each = _sense(engine) if sense else ()
+        sensed = _sense(engine)
         engine.drive(controls=controls[np.newaxis])
         state = engine.state(0).copy()
-        yield Tick(
-            time=time, sensed=each[0] if each else None, sensed_by_each=each, state=state,
-            command=DriveCommand(steering_angle=steering_angle, speed=speed),
-        )  # fmt: skip
-        if follow and not np.array_equal(state, after, equal_nan=True):
+        command = DriveCommand(steering_angle=steering_angle, speed=speed)
+        yield Tick(time=time, sensed_by_each=sensed, command=command, state=state)
+        if not np.array_equal(state, after, equal_nan=True):
             engine.state(0)[:] = after
 
 
@@ -195,7 +190,6 @@ def scan_at(run: RaceResult | Run, time: float | None = None) -> tuple[LaserScan
         kept = SimpleNamespace(summary=run.summary(), states=run.states, ctrl=run.ctrl, column=run.car.column)
         recording, world = cast(Recording, kept), run.world
     sensed = next(islice(resimulate(recording, world), place, None)).sensed
-    assert sensed is not None  # it was asked for
     return sensed.scan, sensed.odometry
 
 

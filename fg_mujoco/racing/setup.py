@@ -137,7 +137,7 @@ class Setup:
         named = tuple(self.entries) if isinstance(self.entries, Iterable) else self.entries
         require_entries(named)
         self._set("entries", named)
-        require_laps(self.laps, optional=True)
+        require_laps(self.laps)
         require_time_limit(self)
         require_decision_limit(self)
         self._set("patches", as_parts(self.patches, Patch, "patches"))

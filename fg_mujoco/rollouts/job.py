@@ -74,7 +74,7 @@ class RolloutJob:
     values: tuple[dict[str, Value], ...] = ()  # of each world, in place of draws from its seed; none: these are drawn
 
     def __post_init__(self) -> None:
-        require_laps(self.laps, optional=True)
+        require_laps(self.laps)
         require_whole("chunk", self.chunk, 1)
         require_time_limit(self)
         require_decision_limit(self)

@@ -373,9 +373,9 @@ def _failed(error: BaseException, kind: type, scan: LaserScan, odometry: Odometr
 
 
 def _answered(said: str, accepted: str, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerError:
-    from .planner_failure import place, wrong_answer
+    from .planner_failure import failure_of, place
 
-    failure = wrong_answer(f"{said}; accepted: {accepted}", kind, scan, odometry)
+    failure = failure_of(f"{said}; accepted: {accepted}", kind, scan, odometry)
     where = place(failure.file, failure.line)
     message = f"controller {kind.__name__} {said} at t = {scan.stamp:.3f} s{where}; accepted: {accepted}"
     return PlannerError(message, failure)

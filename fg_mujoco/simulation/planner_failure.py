@@ -99,21 +99,15 @@ def line_of(error: BaseException, file: str | None) -> int | None:
 
 
 def _line_in_kernel(error: BaseException, file: str) -> int | None:
-    """Return the line of a file that numba could not compile; None: neither its message nor its frames tell it."""
-    said, text = _COLOURS.sub("", str(error)), ""
-    lines = re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', said)
-    if lines:
+    """Return the line of a file that numba could not compile, or that has the name which it quotes; None: unknown."""
+    said = _COLOURS.sub("", str(error))
+    if lines := re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', said):
         return int(lines[-1])
-    frames = (frame for frame, _ in traceback.walk_tb(error.__traceback__) if frame.f_code.co_name == "compile_extra")
-    compiled = (frame.f_locals.get("func") for frame in frames)
-    kernels = [*re.findall(r"<function (\w+) at", said), *(getattr(each, "__name__", "") for each in compiled)]
+    quoted = re.search(r"'(\w+)'", said)  # the name that is not defined, or the field that there is not
     with contextlib.suppress(OSError, UnicodeError):
         text = Path(file).read_text("utf-8")
-    for kernel in reversed(kernels):
-        if begins := re.search(rf"^[ \t]*def {kernel}\b", text, re.MULTILINE):
-            quoted = re.search(r"'(\w+)'", said)  # the name that is not defined, or the field that there is not
-            used = quoted and re.compile(rf"\b{quoted[1]}\b").search(text, begins.end())
-            return text.count("\n", 0, (used or begins).end()) + 1
+        if quoted and (used := re.search(rf"\b{quoted[1]}\b", text)):
+            return text.count("\n", 0, used.start()) + 1
     return None
 
 
@@ -143,22 +137,16 @@ def own_traceback(error: BaseException, file: str | None) -> str:
     return _COLOURS.sub("", "Traceback of the planner:\n" + "".join(lines))
 
 
-def failure_of(error: BaseException, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerFailure:
-    """Return the failure of a planner of a class that raised an error."""
+def failure_of(error: BaseException | str, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerFailure:
+    """Return the failure of a planner of a class, which raised an error, or whose answer is no command, in words."""
     file = file_of(kind)
+    said, line, own, whole = str(error), _definition(kind, file), "", ""
+    if isinstance(error, BaseException):
+        said, line, own = one_line(error), line_of(error, file) or line, own_traceback(error, file)
+        whole = "".join(traceback.format_exception(error))
     return PlannerFailure(
-        error=one_line(error), time_s=scan.stamp, file=file, line=line_of(error, file) or _definition(kind, file),
-        traceback=own_traceback(error, file), whole_traceback="".join(traceback.format_exception(error)), scan=scan,
+        error=said, time_s=scan.stamp, file=file, line=line, traceback=own, whole_traceback=whole, scan=scan,
         odometry=odometry,
-    )  # fmt: skip
-
-
-def wrong_answer(text: str, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerFailure:
-    """Return the failure of a planner of a class that answered something else than a command; its line is `def`."""
-    file = file_of(kind)
-    return PlannerFailure(
-        error=text, time_s=scan.stamp, file=file, line=_definition(kind, file), traceback="",
-        whole_traceback="", scan=scan, odometry=odometry,
     )  # fmt: skip
 
 

@@ -70,10 +70,9 @@ def friction_text(mu: float | None, assumed: float | None, floor: str | None = N
     return f"mu {tires}; the planner {'has no limit' if assumed == math.inf else f'assumes {planner}'}"
 
 
-def require_laps(laps: object, *, optional: bool = False) -> None:
-    """Raise SettingsError unless `laps` is a number of laps; None is accepted where it is optional."""
-    why = "a race keeps about 0.5 MB for each lap"
-    require_whole("laps", laps, 1, GREATEST_LAPS, why=why, optional=optional)
+def require_laps(laps: object) -> None:
+    """Raise SettingsError unless `laps` is None or a number of laps."""
+    require_whole("laps", laps, 1, GREATEST_LAPS, why="a race keeps about 0.5 MB for each lap", optional=True)
 
 
 def require_time_limit(settings: Any) -> None:

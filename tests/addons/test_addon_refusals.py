@@ -25,7 +25,6 @@ from fg_mujoco.addons.arena.race_control.fault import Approach
 from fg_mujoco.addons.arena.random_courses.generator import GeneratorSettings
 from fg_mujoco.addons.arena.runs.checks import CHECKS
 from fg_mujoco.addons.arena.runs.duels import Duels
-from fg_mujoco.addons.arena.tight_courses.tight import TightSettings
 from fg_mujoco.addons.gym2d import gym_config
 from fg_mujoco.addons.learn.dataset import require_minari
 from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
@@ -280,7 +279,6 @@ CALLS = [
     *((ControllerChoice.of, text, "") for text in ("f[", "f[]", "f]", "[a=1]", "f[a]", "f[a=1,a=2]", "f[a=1:2]",
                                                    "f[a=1|2]", "f[a=]", "f[a=1]x", "")),
     (GeneratorSettings, {"min_length": 300.0}, "min_length is 300.0 m; accepted: at most max_length, 200.0 m"),
-    (TightSettings, {"max_gap": 0.5}, "accepted: at most max_gap"),
     (compare, {"controller": []}, "no planner is given"),
     (compare, {"controller": ["gap_finder"] * 2}, "planner gap_finder is given twice"),
     (compare, {"controller": ["nobody"]}, "'nobody' is not known"),

@@ -92,17 +92,6 @@ def test_dm_env_starts_where_it_is_told():
     assert env.physics.simulation.world.xml == raced.world.xml
 
 
-def test_a_comparisons_run_is_the_race(here):
-    setup = Setup.of(
-        "oval", laps=1, time_limit=0.5, effects=NOISE, odometry_drift=0.1, planner_mu=0.75, max_speed=4.0, **CAR
-    )
-    told = fg.compare("gap_finder[lookahead=6]", setup=setup, seed=[3], out="out", workers=1, assist="full")
-    raced = fg.race(setup.replace(seed=3, planner_settings={"lookahead": 6.0}))
-    assert told.rows[0].trajectory_sha256 == raced.trajectory_sha256
-    inside = fg.race(setup.replace(seed=3, controller="gap_finder[lookahead=6]"))
-    assert inside.trajectory_sha256 == raced.trajectory_sha256
-
-
 def test_the_f110_environment_drives_the_vehicle():
     env = f110.make(vehicle="nuc2", params={"m": 4.5, "mu": 0.8})
     assert env.world.xml == CarSettings(vehicle="nuc2", mu=0.8).world("oval").xml

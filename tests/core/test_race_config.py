@@ -1,6 +1,5 @@
 """Settings in a file: the same names, the same checks, and the line that is wrong."""
 
-import json
 import math
 
 import pytest
@@ -93,40 +92,3 @@ def test_a_folder_that_holds_no_settings_is_refused(tmp_path, short_race, capsys
     assert main(["race", "--config", str(folder)]) == 2
     error = capsys.readouterr().err
     assert "settings: there are none" in error and error.count("\n") == 1
-
-
-PLANNER = """
-from fg_mujoco.messages import DriveCommand
-def slow(scan, odometry): return DriveCommand(steering_angle=0.1, speed=SPEED)
-"""
-
-
-@pytest.fixture
-def raced(tmp_path, monkeypatch, without_pictures):
-    """The folder of a race by a planner's file that lies beside it; the present folder."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "planner.py").write_text(PLANNER.replace("SPEED", "0.5"))
-    main(["race", "--controller", "planner.py:slow", "--time-limit", "0.2", "--out", "first"])
-    return tmp_path
-
-
-def raced_again(folder, capsys, *arguments):
-    capsys.readouterr()
-    main(["race", "--config", str(folder), "--json", *arguments])
-    return json.loads(capsys.readouterr().out)
-
-
-@each("kept", [False, True])
-def test_a_planners_file_is_named_and_may_be_the_copy_in_the_run_folder(raced, capsys, kept):
-    named = "first/controller.py:slow" if kept else "planner.py:slow"
-    if kept:
-        (raced / "planner.py").unlink()
-    again, first = raced_again(raced / "first", capsys, "--controller", named), fg.read_run(raced / "first").summary
-    assert again["trajectory_sha256"] == first["trajectory_sha256"]
-    assert again["settings"]["controller"] == named
-
-
-def test_another_planner_may_be_named(raced, capsys):
-    (raced / "planner.py").write_text(PLANNER.replace("SPEED", "1.5"))
-    again = raced_again(raced / "first", capsys, "--controller", "planner.py:slow")
-    assert again["trajectory_sha256"] != fg.read_run(raced / "first").summary["trajectory_sha256"]

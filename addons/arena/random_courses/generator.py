@@ -37,16 +37,6 @@ RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  #
 SIDES = RING[::2]
 
 
-def require_order(settings: object, *names: str) -> None:
-    """Raise SettingsError for the first of the lengths `names` whose `min_` is above its `max_` [m]."""
-    for name in names:
-        low, high = getattr(settings, f"min_{name}"), getattr(settings, f"max_{name}")
-        if low > high:
-            raise SettingsError(
-                f"{type(settings).__name__}.min_{name} is {low} m; accepted: at most max_{name}, {high} m"
-            )
-
-
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class GeneratorSettings:
@@ -66,7 +56,11 @@ class GeneratorSettings:
     def __post_init__(self) -> None:
         names = tuple(field.name for field in fields(self))
         require(self, lambda value: 0.0 < value < math.inf, "a positive number of metres", names, SettingsError)
-        require_order(self, "length", "width")
+        for name in ("length", "width"):
+            low, high = getattr(self, f"min_{name}"), getattr(self, f"max_{name}")
+            if low > high:
+                said = f"GeneratorSettings.min_{name} is {low} m"
+                raise SettingsError(f"{said}; accepted: at most max_{name}, {high} m")
 
 
 def generate_track(

@@ -15,7 +15,6 @@ poses finer than the cells.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -23,11 +22,13 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.course.course import outline
 from fg_mujoco.course.projection import follow
 from fg_mujoco.course.track import Track
-from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import CarParameters, FloatArray, require
+from fg_mujoco.messages import FloatArray
 
 MARGIN = 0.05  # [m] all round the footprint
 STEP = 0.1  # [m] that the rear axle drives between two poses
+
+# of the bundled vehicle `f1tenth` [m]: over all, rear axle to rear bumper, and of the rear axle at full steering
+_LENGTH, _WIDTH, _REAR_OVERHANG, _TURNING_RADIUS = 0.58, 0.31, 0.11855, 0.7416
 
 _CURVATURES = 5  # from full lock to the right to full lock to the left
 _CELL = 0.05  # [m] of the cells of position; a step always leaves one
@@ -38,51 +39,21 @@ _BEHIND = 0.8  # [m] that the car may fall behind its greatest progress: less th
 _ALIGNED = math.cos(math.radians(45.0))  # of the angle between the last heading and the centreline
 
 
-@dataclass(frozen=True, kw_only=True)
-class Footprint:
-    """The dimensions of a car that decide where it fits. The defaults are those of the bundled vehicle `f1tenth`.
-
-    Raises:
-      SettingsError: a number that is not positive.
-    """
-
-    length: float = 0.58  # [m] over all
-    width: float = 0.31  # [m] over all
-    rear_overhang: float = 0.11855  # [m] rear axle to rear bumper
-    turning_radius: float = 0.7416  # [m] of the rear axle at full steering
-
-    def __post_init__(self) -> None:
-        names = tuple(field.name for field in fields(self))
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number of metres", names, SettingsError)
-
-    @classmethod
-    def of(cls, car: CarParameters) -> Footprint:
-        """Return the footprint of a car."""
-        radius = car.wheelbase / math.tan(car.max_steering_angle)
-        return cls(length=car.length, width=car.width, rear_overhang=car.rear_overhang, turning_radius=radius)
-
-
-def drivable_lap(track: Track, car: Footprint | None = None, margin: float = MARGIN) -> FloatArray | None:
-    """Return poses of a lap that the car can drive forward, from the start of the track and over its line again.
-
-    Args:
-      track: the circuit.
-      car: its footprint; that of the vehicle `f1tenth` if None.
-      margin: free room all round the footprint [m].
+def drivable_lap(track: Track) -> FloatArray | None:
+    """Return poses of a lap that `f1tenth` can drive forward, from the start of a track and over its line again.
 
     Returns:
       x [m], y [m] of the rear axle and heading [rad], every `STEP`, shape (n, 3); None where no lap was found.
     """
-    car = car or Footprint()
-    along = car.length / _CIRCLES
-    middles = np.array([along * (circle + 0.5) - car.rear_overhang for circle in range(_CIRCLES)])
-    radius = math.hypot(0.5 * along, 0.5 * car.width) + margin + math.sqrt(0.5) * _FIELD  # the last: the grid's error
+    along = _LENGTH / _CIRCLES
+    middles = np.array([along * (circle + 0.5) - _REAR_OVERHANG for circle in range(_CIRCLES)])
+    radius = math.hypot(0.5 * along, 0.5 * _WIDTH) + MARGIN + math.sqrt(0.5) * _FIELD  # the last: the grid's error
     walls = np.concatenate([outline(edge) for edge in track.edges])
     low = walls.reshape(-1, 2).min(axis=0) - 1.0
     columns, rows = np.ceil((walls.reshape(-1, 2).max(axis=0) + 1.0 - low) / _FIELD).astype(int).tolist()
     field = _distances(walls, low, columns, rows, radius + 2.0 * _FIELD)
     poses = _search(
-        field, low, radius, middles, np.array(track.start_pose()), 1.0 / car.turning_radius, track.table, track.length
+        field, low, radius, middles, np.array(track.start_pose()), 1.0 / _TURNING_RADIUS, track.table, track.length
     )
     return poses if len(poses) else None
 

@@ -6,29 +6,27 @@ The generator draws a patch of cells: a bent bar, a comb, a spiral, or a tree th
 outline of the patch (`lanes`). Corners are round or square, on some of the straights boxes stand as a chicane, and the
 plane is bent a little. Every circuit has a hairpin of 180 degrees round a thin barrier. A lap of it can be driven
 forward by the bundled car `f1tenth`, with 5 cm of room all round: a search over its motions finds one (`drivable`). A
-circuit that breaks the settings, or of which the search finds no lap, is drawn again. The same seed gives the same
+circuit that breaks these limits, or of which the search finds no lap, is drawn again. The same seed gives the same
 numbers.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
 
 import numpy as np
 
-from fg_mujoco.arguments import explain_class
 from fg_mujoco.course.polyline import step_lengths, turns
 from fg_mujoco.course.track import Track
-from fg_mujoco.errors import SettingsError, TrackError
-from fg_mujoco.messages import FloatArray, require
+from fg_mujoco.errors import TrackError
+from fg_mujoco.messages import FloatArray
 
-from ..random_courses.generator import SIDES, Cell, can_join, require_order
+from ..random_courses.generator import SIDES, Cell, can_join
 from .chicanes import Block, with_boxes
 from .drivable import drivable_lap
 from .lanes import SPACING, Lane, Outline, corner_radii, hairpins, lane, outline
 
-_ATTEMPTS = 300  # draws before giving up; with the default settings the first few keep them
+_ATTEMPTS = 300  # draws before giving up; the first few keep the limits below
 _MAX_RADIUS = 1.6  # [m] of the centreline in a corner that has room for more
 _MAX_BEND = 0.08  # greatest gradient of the displacement that bends the plane
 _CHICANES = 0.5  # share of the straights with room for boxes that have some
@@ -37,71 +35,48 @@ _APART = (1.1, 1.8)  # [m] from the end of one box to the beginning of the next
 _BLOCK = (0.2, 0.6)  # [m] length of a box
 _THICK = (1.8, 5.0)  # [m] of a row or column that no two lanes share
 
-
-@explain_class
-@dataclass(frozen=True, kw_only=True)
-class TightSettings:
-    """Limits that every tight circuit keeps.
-
-    Raises:
-      SettingsError: a number that is not positive, or a least value above its greatest.
-    """
-
-    min_length: float = 15.0  # [m]
-    max_length: float = 60.0  # [m]
-    min_width: float = 1.0  # [m] of the lane; the rules of 2026 ask for at least 1 m
-    max_width: float = 1.8  # [m]; square corners of the outer wall leave more
-    min_gap: float = 0.6  # [m] that a box leaves; the car is 0.31 m wide
-    max_gap: float = 0.9  # [m]
-    min_radius: float = 0.45  # [m] of the centreline
-    min_barrier: float = 0.08  # [m] thickness of the barrier between two lanes, before the plane is bent
-    max_barrier: float = 0.15  # [m]
-
-    def __post_init__(self) -> None:
-        names = tuple(field.name for field in fields(self))
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number of metres", names, SettingsError)
-        require_order(self, "length", "width", "gap", "barrier")
+LENGTH = (15.0, 60.0)  # [m] of every tight circuit
+WIDTH = (1.0, 1.8)  # [m] of the lane: at least 1 m by the rules of 2026; square corners of the outer wall leave more
+GAP = (0.6, 0.9)  # [m] that a box leaves; the car is 0.31 m wide
+MIN_RADIUS = 0.45  # [m] of the centreline
+BARRIER = (0.08, 0.15)  # [m] thickness of the barrier between two lanes, before the plane is bent
 
 
-def generate_tight_track(
-    seed: int | np.random.Generator, settings: TightSettings | None = None, *, name: str | None = None
-) -> Track:
+def generate_tight_track(seed: int | np.random.Generator, *, name: str | None = None) -> Track:
     """Draw a tight circuit, driven from the middle of its longest straight, which starts at the origin along x.
 
     Args:
       seed: a seed from 0, or the generator to draw from.
-      settings: what the circuit must keep; the defaults of `TightSettings` if None.
       name: of the track; `random:SEED:tight` if None.
 
     Raises:
-      SettingsError: settings that no circuit was found for.
+      TrackError: no circuit was found.
     """
-    settings = settings or TightSettings()
     rng = seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed)
     name = name or ("random:tight" if isinstance(seed, np.random.Generator) else f"random:{seed}:tight")
     for _ in range(_ATTEMPTS):
-        track = _draw(rng, settings, name)
+        track = _draw(rng, name)
         if track is not None and drivable_lap(track) is not None:
             return track
-    raise SettingsError(f"no circuit found in {_ATTEMPTS} draws for {settings}; accepted: longer or wider")
+    raise TrackError(f"{name}: no circuit found in {_ATTEMPTS} draws; accepted: another seed")
 
 
-def _draw(rng: np.random.Generator, settings: TightSettings, name: str) -> Track | None:
+def _draw(rng: np.random.Generator, name: str) -> Track | None:
     cells = _KINDS[rng.integers(len(_KINDS))](rng)
-    barrier = rng.uniform(settings.min_barrier, settings.max_barrier)
-    columns, rows = (_sizes(rng, cells, axis, barrier, settings) for axis in (0, 1))
+    barrier = rng.uniform(*BARRIER)
+    columns, rows = (_sizes(rng, cells, axis, barrier) for axis in (0, 1))
     around = outline(cells, columns, rows)
     count = len(around.corners)
-    radii = _radii(rng, around, settings)
+    radii = _radii(rng, around)
     right, left = (
         np.where(
-            room - 0.5 * barrier < 0.5 * settings.max_width,
+            room - 0.5 * barrier < 0.5 * WIDTH[1],
             room - 0.5 * barrier,
-            0.5 * rng.uniform(settings.min_width, settings.max_width, count),
+            0.5 * rng.uniform(*WIDTH, count),
         )
         for room in (around.room_right, around.room_left)
     )
-    if not _has_hairpin(around, left, settings):
+    if not _has_hairpin(around, left):
         return None
     squareness = rng.choice((0.0, 0.5, 1.0), count)
     drawn = lane(around, radii=radii, right=right, left=left, squareness=squareness)
@@ -110,11 +85,11 @@ def _draw(rng: np.random.Generator, settings: TightSettings, name: str) -> Track
     drawn = drawn.bend(rng.uniform(0.0, _MAX_BEND, 2), wave, rng.uniform(0.0, 2.0 * math.pi, 2))
     if rng.random() < 0.5:
         drawn = drawn.reverse()
-    drawn = _chicanes(rng, drawn, settings)
+    drawn = _chicanes(rng, drawn)
     try:
         track = drawn.track(name)
-        kept = settings.min_length <= track.length <= settings.max_length
-        kept = kept and float(np.abs(track.curvature).max()) <= 1.0 / settings.min_radius
+        kept = LENGTH[0] <= track.length <= LENGTH[1]
+        kept = kept and float(np.abs(track.curvature).max()) <= 1.0 / MIN_RADIUS
         kept = kept and np.array_equal(track.corridor_right, track.width_right)
         kept = kept and np.array_equal(track.corridor_left, track.width_left)
         return track if kept and len(track.left_wall) > 0 else None
@@ -122,13 +97,11 @@ def _draw(rng: np.random.Generator, settings: TightSettings, name: str) -> Track
         return None
 
 
-def _sizes(
-    rng: np.random.Generator, cells: frozenset[Cell], axis: int, barrier: float, settings: TightSettings
-) -> list[float]:
+def _sizes(rng: np.random.Generator, cells: frozenset[Cell], axis: int, barrier: float) -> list[float]:
     """Return the width of each column (axis 0) or row (axis 1) [m]: thin where two lanes share it."""
     sizes = []
     for place in range(1 + max(cell[axis] for cell in cells)):
-        thin = barrier + rng.uniform(settings.min_width, settings.max_width)
+        thin = barrier + rng.uniform(*WIDTH)
         thick = rng.uniform(*_THICK)
         sizes.append(thin if _is_shared(cells, axis, place) or rng.random() < 0.3 else thick)
     return sizes
@@ -144,16 +117,16 @@ def _is_shared(cells: frozenset[Cell], axis: int, place: int) -> bool:
     return False
 
 
-def _radii(rng: np.random.Generator, around: Outline, settings: TightSettings) -> FloatArray:
+def _radii(rng: np.random.Generator, around: Outline) -> FloatArray:
     """Return the radius at each corner: half circles round hairpins, at random from the least elsewhere [m]."""
     lengths = step_lengths(around.corners)
     room = 0.5 * np.minimum(lengths, np.roll(lengths, 1))
-    least = settings.min_radius * (1.0 + 2.0 * _MAX_BEND)
+    least = MIN_RADIUS * (1.0 + 2.0 * _MAX_BEND)
     drawn = rng.uniform(least, np.clip(room, least, _MAX_RADIUS))
-    return corner_radii(around, drawn, settings.max_width + settings.max_barrier + 1e-9)
+    return corner_radii(around, drawn, WIDTH[1] + BARRIER[1] + 1e-9)
 
 
-def _chicanes(rng: np.random.Generator, drawn: Lane, settings: TightSettings) -> Lane:
+def _chicanes(rng: np.random.Generator, drawn: Lane) -> Lane:
     """Return the lane with boxes on some of its straights: against one wall and then the other."""
     for begin, end in reversed(drawn.straights()):  # those before keep their places
         room = end - begin - _CHICANE
@@ -164,7 +137,7 @@ def _chicanes(rng: np.random.Generator, drawn: Lane, settings: TightSettings) ->
         lengths = rng.uniform(*_BLOCK, min(count, 1 + int(room / (apart + _BLOCK[1]))))
         near = np.abs(drawn.arc_length - 0.5 * (begin + end)) < 0.5 * room + SPACING
         width = float((drawn.right + drawn.left)[near].min())
-        depths = width - rng.uniform(settings.min_gap, settings.max_gap, len(lengths))
+        depths = width - rng.uniform(*GAP, len(lengths))
         if depths.min() < _BLOCK[0]:
             continue
         start, blocks = 0.5 * (end - begin - lengths.sum() - (len(lengths) - 1) * apart), []
@@ -176,11 +149,11 @@ def _chicanes(rng: np.random.Generator, drawn: Lane, settings: TightSettings) ->
     return drawn
 
 
-def _has_hairpin(around: Outline, left: FloatArray, settings: TightSettings) -> bool:
-    """Tell whether a barrier no thicker than the settings' ends in a hairpin, between lanes on both of its sides."""
+def _has_hairpin(around: Outline, left: FloatArray) -> bool:
+    """Tell whether a barrier no thicker than BARRIER ends in a hairpin, between lanes on both of its sides."""
     lengths = step_lengths(around.corners)
     thickness = lengths - np.roll(left, 1) - np.roll(left, -1)
-    return bool(np.any(hairpins(around) & (turns(around.corners) > 0.0) & (thickness < settings.max_barrier + 1e-9)))
+    return bool(np.any(hairpins(around) & (turns(around.corners) > 0.0) & (thickness < BARRIER[1] + 1e-9)))
 
 
 def _bar(rng: np.random.Generator) -> frozenset[Cell]:

@@ -66,7 +66,6 @@ def debug(
     for tick, again in enumerate(resimulate(drive, world)):
         if tick >= end:
             break
-        assert again.sensed is not None
         scan, odometry = again.sensed.scan, again.sensed.odometry
         witness.look_round(again.surroundings(world))
         answer = witness.decide(scan, odometry, again.command)

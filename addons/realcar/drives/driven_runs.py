@@ -22,7 +22,7 @@ def drive_of_run(run: Run, world: World | None = None, *, beams: bool = True) ->
     """Return what a run's car measured, with scans if `beams`; RunFolderError: a damaged run folder."""
     world = load_world(run) if world is None else world
     time = run.column("time_s")
-    sensed = [tick.sensed for tick in resimulate(run, world) if tick.sensed is not None]
+    sensed = [tick.sensed for tick in resimulate(run, world)]
     scans = [each.scan for each in sensed if beams]
     stamps = np.array([each.odometry.stamp for each in sensed])
 

@@ -128,5 +128,4 @@ class PlannerEye:
     def _measure_all(self) -> list[LaserScan]:
         """Return the scan at the start of every tick, as the race had them."""
         world = World.from_xml(self._drive.xml)
-        ticks = resimulate(self._drive, world)
-        return [tick.sensed_by_each[self._drive.car].scan for tick in ticks if tick.sensed_by_each]
+        return [tick.sensed_by_each[self._drive.car].scan for tick in resimulate(self._drive, world)]

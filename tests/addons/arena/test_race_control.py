@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco import Entry, Setup, Start, race, read_run, replay, write_run
+from fg_mujoco import Entry, Start, race, read_run, replay, write_run
 from fg_mujoco.addons.arena.race_control.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
 from fg_mujoco.cli.main import main
-from fg_mujoco.cli.options import with_opponents
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.run_folder import SUMMARY
 
@@ -181,9 +180,3 @@ def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(tmp_path, 
     assert main(["race", "--config", str(out), "--out", str(again)]) == 1
     hashes = [json.loads((folder / SUMMARY).read_text("utf-8"))["trajectory_sha256"] for folder in (out, again)]
     assert hashes[0] == hashes[1]
-
-
-def test_opponents_have_seeds_of_their_own():
-    setup = with_opponents(Setup.of(seed=7), ["wall_follow", "wall_follow"], {"opponent_max_speed": [3.0]})
-    assert [(entry.controller, entry.max_speed, entry.seed) for entry in setup.entries[1:]] == [("wall_follow", 3.0, 8),
-        ("wall_follow", 3.0, 9)]  # fmt: skip

@@ -16,7 +16,7 @@ from fg_mujoco.addons.arena.tight_courses.chicanes import Block, with_boxes
 from fg_mujoco.addons.arena.tight_courses.drivable import MARGIN, STEP, drivable_lap
 from fg_mujoco.addons.arena.tight_courses.lanes import corner_radii, lane, patch
 from fg_mujoco.addons.arena.tight_courses.lanes import outline as outline_of
-from fg_mujoco.addons.arena.tight_courses.tight import TightSettings, generate_tight_track
+from fg_mujoco.addons.arena.tight_courses.tight import BARRIER, GAP, LENGTH, MIN_RADIUS, WIDTH, generate_tight_track
 from fg_mujoco.course.clearance import least_clearance
 from fg_mujoco.course.course import outline, wall_outlines
 from fg_mujoco.course.definitions import course_of
@@ -31,7 +31,6 @@ from scene_search import Clearances, car_gets_through
 CAR = default_car()
 BUNDLED = ("u_turns", "serpentine", "spiral", "elbow", "boxes", "maze")
 SEEDS = tuple(f"random:{seed}:tight" for seed in range(3))
-TIGHT = TightSettings()
 
 
 def bar(width, barrier=0.1, length=4.0, square=0.0):
@@ -84,16 +83,16 @@ def check_lap(track, poses, margin=MARGIN):
 @given(seed=st.integers(0, 2**63 - 1))
 def test_every_seed_keeps_the_default_settings_and_has_a_lap_that_the_car_can_drive(seed):
     track = generate_tight_track(seed)
-    assert TIGHT.min_length <= track.length <= TIGHT.max_length
-    assert np.abs(track.curvature).max() <= 1.0 / TIGHT.min_radius
+    assert LENGTH[0] <= track.length <= LENGTH[1]
+    assert np.abs(track.curvature).max() <= 1.0 / MIN_RADIUS
     width = track.width_left + track.width_right
-    assert width.min() >= 0.9 * TIGHT.min_gap and np.percentile(width, 25) >= 0.95 * TIGHT.min_width
+    assert width.min() >= 0.9 * GAP[0] and np.percentile(width, 25) >= 0.95 * WIDTH[0]
     assert max(np.ptp(np.concatenate(track.edges), axis=0)) < 30.0
     np.testing.assert_array_equal(track.corridor_right, track.width_right)
     np.testing.assert_array_equal(track.corridor_left, track.width_left)
     assert all(len(self_crossings(wall)[0]) == 0 for wall in track.edges)
     barriers = barriers_with_a_turn_round_their_end(track)
-    assert np.any((barriers > 0.02) & (barriers < 1.3 * TIGHT.max_barrier))
+    assert np.any((barriers > 0.02) & (barriers < 1.3 * BARRIER[1]))
     assert track.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
     check_lap(track, drivable_lap(track))
 
