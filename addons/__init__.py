@@ -55,18 +55,18 @@ PLANNERS = {
 """Planners by name."""
 
 SCENES = {
-    "corridor_sparse": "arena.scenes.corridors:corridor_sparse",
-    "corridor_dense": "arena.scenes.corridors:corridor_dense",
-    "cylinder_field": "arena.scenes.gap_widths:cylinder_field",
-    "narrow_gap_120": "arena.scenes.gap_widths:narrow_gap_120",
-    "narrow_gap_150": "arena.scenes.gap_widths:narrow_gap_150",
-    "narrow_gap_200": "arena.scenes.gap_widths:narrow_gap_200",
-    "square_corner": "arena.scenes.corners:square_corner",
-    "dead_end": "arena.scenes.corners:dead_end",
-    "u_turn_trap": "arena.scenes.corners:u_turn_trap",
-    "wrong_side_chicane": "arena.scenes.gap_widths:wrong_side_chicane",
-    "crossing_box": "arena.scenes.corridors:crossing_box",
-    "slow_leader": "arena.scenes.corridors:slow_leader",
+    "corridor_sparse": "arena.bundled_scenes:corridor_sparse",
+    "corridor_dense": "arena.bundled_scenes:corridor_dense",
+    "cylinder_field": "arena.bundled_scenes:cylinder_field",
+    "narrow_gap_120": "arena.bundled_scenes:narrow_gap_120",
+    "narrow_gap_150": "arena.bundled_scenes:narrow_gap_150",
+    "narrow_gap_200": "arena.bundled_scenes:narrow_gap_200",
+    "square_corner": "arena.bundled_scenes:square_corner",
+    "dead_end": "arena.bundled_scenes:dead_end",
+    "u_turn_trap": "arena.bundled_scenes:u_turn_trap",
+    "wrong_side_chicane": "arena.bundled_scenes:wrong_side_chicane",
+    "crossing_box": "arena.bundled_scenes:crossing_box",
+    "slow_leader": "arena.bundled_scenes:slow_leader",
 }
 """Scenes by name."""
 

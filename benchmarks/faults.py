@@ -438,7 +438,7 @@ FAULTS = {
         tests="test_race_control.py test_several_cars.py",
     ),
     "gaps to the leader in the other order": Fault(
-        file="addons/arena/race_control/standings.py",
+        file="addons/arena/race_control/race_control.py",
         old="gaps[:, led] = time[led] - np.interp(progress",
         new="gaps[:, led] = -time[led] + np.interp(progress",
         tests="test_report.py test_several_cars.py test_rendering_cars.py",

@@ -20,8 +20,8 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.bundled_scenes import straight
 from fg_mujoco.addons.arena.random_courses.moving import pedestrian
-from fg_mujoco.addons.arena.scenes.corridors import straight
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.perception.scan_geometry import geometry_record

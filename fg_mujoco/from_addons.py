@@ -15,8 +15,8 @@ from .registry import ADDONS, imported
 
 if TYPE_CHECKING:
     from fg_mujoco.addons.arena.race_control.race_control import RaceControl as RaceControl
-    from fg_mujoco.addons.arena.race_control.standings import Standings as Standings
-    from fg_mujoco.addons.arena.race_control.standings import standings as standings
+    from fg_mujoco.addons.arena.race_control.race_control import Standings as Standings
+    from fg_mujoco.addons.arena.race_control.race_control import standings as standings
     from fg_mujoco.addons.arena.random_courses.generator import generate_track as generate_track
     from fg_mujoco.addons.arena.random_courses.moving import with_moving as with_moving
     from fg_mujoco.addons.arena.tight_courses.tight import generate_tight_track as generate_tight_track
@@ -49,8 +49,7 @@ else:
 
 
 PLACES = {
-    "arena.race_control.race_control": "RaceControl",
-    "arena.race_control.standings": "Standings standings",
+    "arena.race_control.race_control": "RaceControl Standings standings",
     "arena.random_courses.generator": "generate_track",
     "arena.random_courses.moving": "with_moving",
     "arena.tight_courses.tight": "generate_tight_track",

@@ -1,7 +1,7 @@
 """A registry: things of one kind by name, each imported when it is first used.
 
     SCENES = Registry("scene", TrackError, "fg_mujoco.scenes")
-    SCENES["dead_end"] = "fg_mujoco.addons.arena.scenes.corners:dead_end"
+    SCENES["dead_end"] = "fg_mujoco.addons.arena.bundled_scenes:dead_end"
     make = SCENES.find("dead_end")
 
 The core imports no add-on. `addons/__init__.py` has tables of what users name, as texts, and `added` reads them, so

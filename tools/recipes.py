@@ -19,8 +19,7 @@ from fg_mujoco.addons.arena.random_courses.generator import (
     generate_track,
     start_on_longest_straight,
 )
-from fg_mujoco.addons.arena.tight_courses.chicanes import Block, with_boxes
-from fg_mujoco.addons.arena.tight_courses.lanes import corner_radii, lane, outline, patch
+from fg_mujoco.addons.arena.tight_courses.lanes import Block, corner_radii, lane, outline, patch, with_boxes
 from fg_mujoco.course.centreline_csv import write_centreline
 from fg_mujoco.course.polyline import resample, rounded_polygon, smooth
 from fg_mujoco.course.track import Track

@@ -4,8 +4,8 @@
     runs/           a run of a study: a race, a duel behind a slower car, a drive that gives points
     tight_courses/  tight circuits from a seed
     random_courses/ circuits from a seed, and things that move
-    scenes/         the bundled scenes
     race_control/   contacts and whose fault they were, overtakes, rules
 
-`commands` has the commands. Worker processes and stores of results are those of `fg_mujoco.rollouts`.
+`commands` has the commands, `bundled_scenes` the scenes. Worker processes and stores are
+those of `fg_mujoco.rollouts`.
 """

@@ -22,9 +22,8 @@ from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import FloatArray
 
 from ..random_courses.generator import SIDES, Cell, can_join
-from .chicanes import Block, with_boxes
 from .drivable import drivable_lap
-from .lanes import SPACING, Lane, Outline, corner_radii, hairpins, lane, outline
+from .lanes import SPACING, Block, Lane, Outline, corner_radii, hairpins, lane, outline, with_boxes
 
 _ATTEMPTS = 300  # draws before giving up; the first few keep the limits below
 _MAX_RADIUS = 1.6  # [m] of the centreline in a corner that has room for more

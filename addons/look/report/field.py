@@ -32,7 +32,7 @@ class Field:
 
     rows: list[dict[str, Any]]  # as in `cars` of the summary
     lines: list[FloatArray]  # where each drove until its race was over (k, 2) [m]
-    standings: Any  # see addons.arena.race_control.standings
+    standings: Any  # see addons.arena.race_control
     contacts: list[dict[str, Any]]
     overtakes: list[dict[str, Any]]
 

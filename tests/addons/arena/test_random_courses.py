@@ -12,9 +12,8 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.arena.random_courses.generator import SPACING, GeneratorSettings, generate_track
 from fg_mujoco.addons.arena.random_courses.moving import with_moving
-from fg_mujoco.addons.arena.tight_courses.chicanes import Block, with_boxes
 from fg_mujoco.addons.arena.tight_courses.drivable import MARGIN, STEP, drivable_lap
-from fg_mujoco.addons.arena.tight_courses.lanes import corner_radii, lane, patch
+from fg_mujoco.addons.arena.tight_courses.lanes import Block, corner_radii, lane, patch, with_boxes
 from fg_mujoco.addons.arena.tight_courses.lanes import outline as outline_of
 from fg_mujoco.addons.arena.tight_courses.tight import BARRIER, GAP, LENGTH, MIN_RADIUS, WIDTH, generate_tight_track
 from fg_mujoco.course.clearance import least_clearance

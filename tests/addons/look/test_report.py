@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.race_control.standings import standings
+from fg_mujoco.addons.arena.race_control.race_control import standings
 from fg_mujoco.addons.look.report.clip import clip_of_several, clip_start
 from fg_mujoco.addons.look.report.field import Field
 from fg_mujoco.addons.look.report.laps_and_slides import SlideEvent, lap_table, slide_events
