@@ -35,11 +35,18 @@ from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .decision_times import DecisionClock, DecisionTimes
 from .entries import Entry
-from .figures import course_figures, driven_figures, track_figures, world_figures
 from .planner_origin import Files, origin, planner_files, source_code
 from .planners import split_controller
 from .resolved import Resolved, kernels_beside
-from .result import CarResult, History, RaceResult
+from .result import (
+    CarResult,
+    History,
+    RaceResult,
+    course_figures,
+    driven_figures,
+    track_figures,
+    world_figures,
+)
 from .rules import RaceRecord, race_control
 from .setup import Setup, SetupKeywords
 

@@ -37,9 +37,19 @@ from ..simulation.termination import END_REASONS
 from ..simulation.world import World, shows
 from ..vehicle.motion import drive
 from ..vehicle.vehicle import Vehicle
-from .figures import CourseFigures, TrackFigures, course_figures, driven_figures, track_figures, world_figures
 from .resimulation import Recording, load_world, recorded_planner, resimulate
-from .result import EVENTS, OF_CAR_0, History, Trajectory, trajectory_sha256
+from .result import (
+    COURSE_FIGURES,
+    EVENTS,
+    OF_CAR_0,
+    History,
+    Trajectory,
+    course_figures,
+    driven_figures,
+    track_figures,
+    trajectory_sha256,
+    world_figures,
+)
 from .rules import RaceRecord, race_control
 from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run, versions
 
@@ -403,7 +413,7 @@ def _text(value: Any) -> str:
 
 
 def _why_not(name: str, no_course: str) -> str:
-    if no_course and name in (*CourseFigures.__annotations__, *TrackFigures.__annotations__, "cars"):
+    if no_course and name in (*COURSE_FIGURES, "cars"):
         return no_course
     if name in _WALL_TIMES:
         return "wall times"

@@ -15,8 +15,9 @@ from ..display import Shown, brief, quoted
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
 from ..simulation.compiled_tick import KEPT
-from ..simulation.telemetry import COMMAND, column_index, column_meant
-from ..simulation.termination import WrongWay
+from ..simulation.telemetry import COMMAND, column_index, column_meant, statistics_figures
+from ..simulation.termination import END_REASONS, WrongWay
+from ..simulation.world import OBSTACLE_PREFIX
 from ..vehicle.car import WHEELS
 from .decision_times import FEWEST, MOST, DecisionTimes
 
@@ -391,3 +392,75 @@ def trajectory_sha256(states: FloatArray, ctrl: FloatArray) -> str:
     for array in (states, ctrl):
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     return digest.hexdigest()
+
+
+# figures that follow from what was driven: a race takes them, and a replay takes them again
+
+
+COURSE_FIGURES = (
+    "laps_completed", "lap_times_s", "finished", "end_reason", "wrong_way", "crash", "track", "obstacles"
+)  # fmt: skip
+"""Names of `course_figures` and `track_figures`."""
+
+
+def driven_figures(engine: Engine, telemetry: FloatArray, row: int = 0, put_back: int = 0) -> dict[str, Any]:
+    """Return the figures of a car of world 0 that need no course.
+
+    Args:
+      engine: at the end of the race.
+      telemetry: of the car (ticks, len(TELEMETRY)).
+      row: of the car.
+      put_back: how often race control has put it back after it had touched a wall.
+    """
+    car = engine.world.cars[row]
+    return {
+        **statistics_figures(engine.statistics[row]),
+        "collisions_wall": put_back + int(engine.crashed[row]),
+        "clamped_commands": clamped_commands(telemetry, car.parameters),
+        "mu": car.mu,
+    }
+
+
+def world_figures(trajectory: Trajectory) -> dict[str, Any]:
+    """Return the figures of all cars together."""
+    states = trajectory["states"]
+    return {
+        "sim_time_s": float(states[-1, 0]),  # mjSTATE_TIME comes first in a state
+        "trajectory_sha256": trajectory_sha256(states, trajectory["ctrl"]),
+    }
+
+
+def track_figures(engine: Engine) -> dict[str, Any]:
+    """Return the name of the course, and how many obstacles stand on it besides its own."""
+    model, course = engine.world.model, engine.world.track
+    geoms = (model.geom(i).name for i in range(model.ngeom))
+    placed = sum(name.startswith(OBSTACLE_PREFIX) for name in geoms) - len(course.obstacles)
+    return {"track": course.name, "obstacles": placed}
+
+
+def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> dict[str, Any]:
+    """Return the figures of the race of a car of world 0 on its course, as its monitor has judged it.
+
+    The trajectory ends with the tick in which that car's race was over.
+    """
+    world, monitor = engine.world, engine.monitor
+    course, timer, laps = world.track, monitor.timers[row], monitor.laps
+    reason = END_REASONS[monitor.reasons[row]]
+    crash = None
+    if reason == "crash":
+        from .crash import crash_of
+
+        crash = crash_of(world, **trajectory, timer=timer, laps=laps, period=engine.period, row=row)
+    wrong_way = None
+    if reason == "wrong_way":
+        time, speed = (trajectory["telemetry"][:, column_index(name)] for name in ("time_s", "vx_m_s"))
+        wrong_way = WrongWay.of(timer, course.length, laps, float(speed[time >= timer["furthest_time"]].mean()))
+    lap_times = tuple(monitor.lap_times[row, : int(timer["laps_completed"])].tolist())
+    return {
+        "laps_completed": len(lap_times),
+        "lap_times_s": lap_times,
+        "finished": reason == "finished",
+        "end_reason": reason,
+        "wrong_way": wrong_way,
+        "crash": crash,
+    }

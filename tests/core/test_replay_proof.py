@@ -242,7 +242,7 @@ RACES = {
 def test_every_kind_of_race_is_proved(name, here, capsys):
     arguments = [made_file() if argument == "VEHICLE" else argument for argument in RACES[name]]
     if name == "a map":
-        pytest.importorskip("yaml", reason="no yaml here: pip install -e '.[maps]'")
+        pytest.importorskip("skimage", reason="no scikit-image here: pip install -e '.[maps]'")
         draw_map(here, ring(), name="map")
     write_centreline(fg.load_track("hairpins"), here / "mine.csv")
     main(["race", *arguments, "--out", "run"])

@@ -8,7 +8,7 @@ from matplotlib.path import Path
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.arena.scenes.parts import walls_round
+from fg_mujoco.addons.arena.bundled_scenes import walls_round
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.simulation.course_loading import default_car
 from scene_search import Clearances, car_gets_through, disc_gets_through, ray_distances
