@@ -17,7 +17,6 @@ from fg_mujoco.vehicle.tires import (
     DEFAULT_TIRES,
     IDEAL_TIRES,
     LAWS,
-    NUMBERS,
     Brush,
     Coulomb,
     Linear,
@@ -107,13 +106,6 @@ def test_laws_are_their_closed_forms(law, formula, peak_slip, peak):
     assert [law.force(-slip) for slip in slips[1:]] == (-forces[1:]).tolist()
     assert (law.peak_slip, law.peak) == (pytest.approx(peak_slip), peak)
     assert law.force(1e-7) == pytest.approx(1e-7 * law.slope, rel=1e-5)
-
-
-@each("law", [*(each[0] for each in CLOSED_FORMS), MagicFormula(B=10.0, C=1.6, D=1.1, E=0.3)])
-def test_the_kernel_of_a_law_is_its_force(law):
-    assert len(law.numbers) <= NUMBERS
-    for slip in np.linspace(0.0, 1.0, 201):
-        assert curve_force(LAWS.index(type(law)), law.row(), slip) == pytest.approx(law.force(slip), rel=1e-14)
 
 
 def test_a_set_of_the_vehicles_friction_is_scaled_to_it():
