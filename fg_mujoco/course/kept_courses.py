@@ -50,7 +50,7 @@ def kept_course(name: str, load: Callable[[str], Course]) -> Course:
         path = os.path.abspath(name)
     except OSError:  # the folder that this process is in is gone
         return load(name)
-    pickled, _, said = kept("course", (name, path, sources_of_courses()), make, holds)
+    pickled, _, said = kept("course", (load.__name__, name, path, sources_of_courses()), make, holds)
     for text, is_note in said:
         warnings.warn(text, Note if is_note else UserWarning, stacklevel=3)
     course: Course = pickle.loads(pickled)

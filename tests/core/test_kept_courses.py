@@ -8,13 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import recipes
 
 import fg_mujoco as fg
 from fg_mujoco.compiled import kept as keeping
 from fg_mujoco.compiled.kernel_files import cache_folder, write_kept
 from fg_mujoco.controllers.safety import braking_trajectories
+from fg_mujoco.course import formats
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.maps import map_track
+from fg_mujoco.errors import Note
 from fg_mujoco.simulation import world as worlds
 from map_oracles import draw_map, ring
 
@@ -75,6 +78,16 @@ def test_a_kept_map_and_its_model_are_those_that_were_made(kept, tmp_path):
         if isinstance(getattr(anew.model, name), np.ndarray):
             assert getattr(anew.model, name).tobytes() == getattr(again.model, name).tobytes(), name
     assert {each.name.partition("-")[0] for each in folder.iterdir()} == {"course", "world", "trajectories"}
+
+
+def test_the_file_of_a_bundled_circuit_says_what_was_understood_and_its_name_does_not(kept, recwarn):
+    path = Path(recipes.__file__).parents[1] / "tracks" / "oval.csv"
+    for _ in range(2):
+        formats._bundled.cache_clear()
+        fg.load_track("oval")
+        assert not recwarn.list
+        with pytest.warns(Note, match="285 points of x_m, y_m"):
+            fg.load_track(path)
 
 
 def test_what_differs_is_made_anew(kept, tmp_path):

@@ -69,12 +69,9 @@ STOP = {
 }
 
 
-def brakes_at(when, creep=0.0):
-    return driven(lambda odometry: (0.0, 2.0 if odometry.stamp < when else creep))
-
-
 def test_to_stand_two_seconds_behind_the_goal_is_to_finish():
-    result = fg.race(scene(**STOP), brakes_at(6.3), start=fg.Start(speed=2.0), tires="coulomb")
+    brakes = driven(lambda odometry: (0.0, 2.0 if odometry.stamp < 6.3 else 0.0))
+    result = fg.race(scene(**STOP), brakes, start=fg.Start(speed=2.0), tires="coulomb")
     assert result.car.finished and result.car.collisions_wall == 0
     speed, time = result.car.column("speed_m_s"), result.car.column("time_s")
     stood = time[np.abs(speed) >= 0.05][-1] + TICK
@@ -82,20 +79,15 @@ def test_to_stand_two_seconds_behind_the_goal_is_to_finish():
     assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)  # when it came to the goal
 
 
-def test_nor_is_to_creep():
-    result = fg.race(scene(**STOP), brakes_at(6.3, creep=0.1), start=fg.Start(speed=2.0), time_limit=15.0)
-    assert result.car.end_reason == "time_limit"
-
-
-def test_nor_is_to_stand_before_it():
-    result = fg.race(scene(**STOP), brakes_at(5.0), start=fg.Start(speed=2.0))
-    assert (result.car.end_reason, result.car.laps_completed) == ("no_progress", 0)
-
-
-def test_nor_is_to_come_back_and_stand_there():
-    def there_and_back(odometry):
-        return 0.0, 2.0 if odometry.stamp < 6.5 else -2.0 if odometry.stamp < 8.5 else 0.0
-
-    result = fg.race(scene(**STOP), driven(there_and_back), start=fg.Start(speed=2.0))
-    assert (result.car.end_reason, result.car.laps_completed) == ("no_progress", 1)
-    assert result.car.column("progress_m")[-1] < result.world.track.length - 1.0
+@each(
+    ("when", "then", "time_limit", "end_reason", "laps"),
+    [
+        (6.3, lambda _: 0.1, 15.0, "time_limit", 1),  # it creeps
+        (5.0, lambda _: 0.0, None, "no_progress", 0),  # before the goal
+        (6.5, lambda stamp: -2.0 if stamp < 8.5 else 0.0, None, "no_progress", 1),  # it comes back
+    ],
+)
+def test_to_do_else_is_not_to_finish(when, then, time_limit, end_reason, laps):
+    planner = driven(lambda odometry: (0.0, 2.0 if odometry.stamp < when else then(odometry.stamp)))
+    result = fg.race(scene(**STOP), planner, start=fg.Start(speed=2.0), time_limit=time_limit)
+    assert (result.car.end_reason, result.car.laps_completed) == (end_reason, laps)

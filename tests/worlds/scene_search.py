@@ -12,6 +12,11 @@ from drawn_worlds import lines, seen_from
 from fg_mujoco.compiled.kernels import kernel
 
 
+def solids_of(course, time=0.0):
+    """All that stands and moves on a course, at a time [s]."""
+    return [*course.walls, *course.obstacles, *(moving.box(time) for moving in course.moving)]
+
+
 def corridor_walls(begin, end, width):
     """Return the four walls of a straight corridor along x, 0.1 m thick, from `begin` to `end`."""
     middle, length, aside = 0.5 * (begin + end), end - begin + 0.2, 0.5 * width + 0.05

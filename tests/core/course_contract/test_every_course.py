@@ -19,7 +19,7 @@ from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.simulation.course_loading import default_car, reload_course
 from map_oracles import draw_map, ring
-from scene_search import ray_distances
+from scene_search import ray_distances, solids_of
 
 CAR = default_car()
 RANDOM = ("random:4", "random:4:tight", "random:8:tight")
@@ -42,10 +42,6 @@ def made(name):
 
 every_course = each("course", [*NAMES, "own"], made=made)
 every_class = each("course", ONE_OF_EACH_CLASS, made=made)
-
-
-def solids_of(course, time=0.0):
-    return [*course.walls, *course.obstacles, *(moving.box(time) for moving in course.moving)]
 
 
 @every_course

@@ -8,7 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from scene_search import Clearances, disc_gets_through
+from scene_search import Clearances, disc_gets_through, solids_of
 
 CELL = 0.025
 SEEDS = (0, 1)
@@ -19,10 +19,6 @@ every_scene_and_seed = each("name", [f"{name}:{seed}" for name in fg.scene_names
 
 def load(name):
     return fg.load_track(f"scene:{name}")
-
-
-def solids_of(scene, time=0.0):
-    return [*scene.walls, *scene.obstacles, *(moving.box(time) for moving in scene.moving)]
 
 
 def clearances(scene, solids):

@@ -118,7 +118,9 @@ def test_no_piece_reaches_into_the_corridor(track):
 
 @every_track
 def test_written_and_read_again_it_is_the_same(track, tmp_path):
-    write_centreline(track, tmp_path / "again.csv", ["a comment"])
+    write_centreline(track, tmp_path / "again.csv", ["a comment", "second line"])
+    lines = (tmp_path / "again.csv").read_text().splitlines()
+    assert lines[:3] == ["# a comment", "# second line", "# x_m, y_m, w_tr_right_m, w_tr_left_m"]
     again = read_centreline(tmp_path / "again.csv")
     for name in ("centreline", "width_right", "width_left"):
         np.testing.assert_array_equal(getattr(again, name), getattr(track, name))
