@@ -167,10 +167,7 @@ def optimize_line(
 
 
 def room_beside(line: FloatArray, walls: Walls, car: CarParameters, margin: float, most: float) -> FloatArray:
-    """Return how far the car may be to the right (negative) and to the left of each point of a closed line, (n, 2) [m].
-
-    A car along the line then is `margin` [m] from the walls; it is `most` [m] at most. See `room`.
-    """
+    """Return how far a car, `margin` [m] from the walls, may be to the right (negative) and left, (n, 2) [m]."""
     return np.column_stack(room(line, _geometry(line)[0], walls, car, margin, most))
 
 
@@ -322,10 +319,7 @@ def _numbers(grip: Grip) -> tuple[float, FloatArray, FloatArray, float, float]:
 def room(
     line: FloatArray, normals: FloatArray, walls: Walls, car: CarParameters, margin: float, most: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far each point may move along its normal, from and to, within `most` [m]. Shapes (n,) [m].
-
-    Where nothing is left, both are about the middle of what the walls ask for.
-    """
+    """Return how far each point may move along its normal, from and to, within `most`, (n,) [m]; if not, the middle."""
     low, high = np.empty(len(line)), np.empty(len(line))
     half, tail, nose = 0.5 * car.width + margin, car.rear_overhang + margin, car.length - car.rear_overhang + margin
     _room(line, normals, walls.points, walls.sides, walls.origin, walls.starts, half, tail, nose, most, low, high)

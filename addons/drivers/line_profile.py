@@ -32,11 +32,7 @@ _LONGEST = 30_000.0  # [m], as of tracks
 
 
 def read_line(path: str | Path) -> tuple[FloatArray, FloatArray]:
-    """Return the points (n, 2) [m] of a file and the speeds there (n,) [m/s], inf where it has none.
-
-    Raises SettingsError: what `read_line_file` refuses, a speed that is not positive, no two points, too long or far
-    away.
-    """
+    """Return the points (n, 2) [m] of a file and the speeds there (n,) [m/s], inf where it has none; SettingsError."""
     try:
         file = read_line_file(path, course=False).note()
     except TrackError as error:

@@ -78,11 +78,7 @@ class CarFiles:
 
 
 def read_car(paths: Sequence[Path]) -> CarFiles:
-    """Return what files tell of a car; a folder stands for the files in it that are known.
-
-    Raises SettingsError: a file that cannot be read or tells nothing, a value that cannot be, or is told twice,
-    differently.
-    """
+    """Return what files, or those of a folder, tell of a car; SettingsError: nothing, what cannot be, or differs."""
     values: dict[str, Told] = {}
     unused: list[str] = []
     notes: list[str] = []

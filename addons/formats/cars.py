@@ -63,10 +63,7 @@ class FileCar:
 
 
 def load_car(source: Path) -> Vehicle:
-    """Return the vehicle of a file or a folder that tells of a car; a `Note` says what was not given.
-
-    Errors as `car_of`.
-    """
+    """Return the vehicle of a file or folder that tells of a car; a `Note` says what is missing; errors of `car_of`."""
     car = car_of([source])
     taken = ", ".join(line.partition(":")[0] for line in car.words if ": not given" in line)
     unused = [line for line in car.words if "not used" in line]
@@ -254,9 +251,9 @@ def _toml(files: CarFiles, tires: dict[str, Any], words: Sequence[str]) -> str:
 
 
 def write_car(car: FileCar, folder: Path) -> list[Path]:
-    """Write the MJCF, the tires and the page of a car into a folder, when the car has been loaded; return their paths.
+    """Write MJCF, tires and page of a car into a folder, and return their paths; OSError.
 
-    Raises OSError: they cannot be written; ModelError: no such car can be driven.
+    Raises ModelError: it cannot drive.
     """
     name, spec = car.files.name, parsed(car.vehicle.text, f"vehicle {car.files.name!r}")
     if car.tires:

@@ -36,8 +36,8 @@ _MOST_COLUMNS = 7  # of an array that lies on its side
 def line_table(path: Path, *, course: bool, line: str | None) -> Table:
     """Return the table of a line in a file.
 
-    Of several lines `course` wants the centreline, else one to drive, and `line` is part of the name of the wanted one.
-    Raises TrackError: a file that cannot be read or has no line, several of which none is chosen, or none of the name.
+    Of several lines `course` wants the centreline, else one to drive, and `line` is part of its name. Raises
+    TrackError: no line, several of which none is chosen, or none of the name.
     """
     suffix = path.suffix.lower()
     if suffix != ".json" and line is not None:

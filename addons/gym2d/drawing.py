@@ -167,10 +167,7 @@ class EnvRenderer(Nothing):
 
 
 class View:
-    """Shows an environment: in MuJoCo's viewer, or as pictures.
-
-    Without a display it says so once (`warned`) and goes on.
-    """
+    """Shows an environment in MuJoCo's viewer, or as pictures. Without a display it says so once, `warned`."""
 
     def __init__(self, driving: Driving, *, warned: bool = False) -> None:
         self._driving = driving

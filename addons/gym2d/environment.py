@@ -119,10 +119,7 @@ class RaceEnvironment(Remade):
         return dict(FULL_SCALE)
 
     def update_params(self, params: dict[str, Any], index: int = -1) -> None:
-        """Take other parameters from the next reset on, of car `index` or, with -1, of all.
-
-        Raises SettingsError: no such car, or parameters that are no numbers.
-        """
+        """Take other parameters from the next reset on, of car `index` or, with -1, of all; or SettingsError."""
         self._close_view()
         self.sim.update_params(params, index)
         self.params = self.sim.params

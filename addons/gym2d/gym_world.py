@@ -141,10 +141,7 @@ class Driving:
         return self.engine.time(0)
 
     def place(self, poses: Sequence[Sequence[float]]) -> None:
-        """Let the cars stand at poses x [m], y [m], heading [rad]; begin their laps and noise.
-
-        Of two cars that stand in each other a warning says that they collide at once, and they push each other apart.
-        """
+        """Let the cars stand at poses [m, m, rad], and begin laps and noise; a warning says which touch at once."""
         cars = self.world.cars
         axles = [shifted(pose, -ahead) for pose, ahead in zip(poses, self.ahead, strict=True)]
         pair = first_overlap(axles, [car.parameters for car in cars])

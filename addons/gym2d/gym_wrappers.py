@@ -15,10 +15,7 @@ from fg_mujoco.messages import require_whole
 
 
 class SingleAgentWrapper(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
-    """An environment of one car without the level of the car: its observation, and an action (2,), steering first.
-
-    Raises SettingsError: more cars, or observations that are not by car, as `kinematic_state` is.
-    """
+    """An environment of one car without the level of the car; SettingsError: more cars, or not by car."""
 
     def __init__(self, env: Any) -> None:
         gymnasium.utils.RecordConstructorArgs.__init__(self)

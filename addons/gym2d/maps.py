@@ -79,10 +79,7 @@ def find_map(
 
 
 def find_file(name: str, folder: str | Path | None = None) -> Path | None:
-    """Return the YAML of a map, by its path with or without `.yaml`, or by its name in the folder.
-
-    A path that is not there is looked for in the folder, too, by the last of its names.
-    """
+    """Return the YAML of a map: its path with or without `.yaml`, or in the folder its name, the last of a path."""
     for path in (Path(_with_yaml(name)), Path(name)):
         if path.suffix in (".yaml", ".yml") and is_file(path):
             return path

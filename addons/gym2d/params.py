@@ -124,10 +124,7 @@ def all_params(params: Mapping[str, Any] | None, vehicle: Vehicle) -> dict[str, 
 
 
 def physics_timestep(timestep: float, vehicle: Vehicle) -> float:
-    """Return the physics' timestep [s]: the vehicle's own where it divides a step of the gym, else the next lower.
-
-    Raises SettingsError: a step below 10 us, which no race would end with, or longer than a second.
-    """
+    """Return the physics' timestep [s]: the vehicle's own if it divides a step, else the next lower; SettingsError."""
     if not 1e-5 <= timestep <= 1.0:
         raise SettingsError(f"timestep is {timestep!r} s; accepted: 1e-05 to 1 s")
     own = float(vehicle.spec().option.timestep)
@@ -185,10 +182,7 @@ def _stiff(tires: Tires, stiffnesses: Mapping[str, float]) -> Tires:
 
 @lru_cache(maxsize=32)
 def build_vehicle(vehicle: Vehicle, differ: tuple[tuple[str, float], ...], lidar_dist: float | None) -> Vehicle:
-    """Return a vehicle with some parameters, of those of `own_params`, changed, and a place of the LiDAR [m].
-
-    Raises SettingsError, ModelError: parameters of no car that can be built from the vehicle.
-    """
+    """Return a vehicle with some of `own_params` changed, and a place of the LiDAR [m]; SettingsError, ModelError."""
     if not differ and lidar_dist is None:
         return vehicle
     spec, own = vehicle.spec(), own_params(vehicle)

@@ -239,9 +239,9 @@ class Simulator:
                 self._build()
 
     def reset(self, poses: ArrayLike) -> None:
-        """Place the cars at poses (num_agents, 3), x [m], y [m], heading [rad], of what Driving says.
+        """Place the cars at poses (num_agents, 3) [m, m, rad], without a map on open ground.
 
-        Without a map they stand on open ground. Raises SettingsError: another shape, or a number that is not finite.
+        Raises SettingsError: no poses.
         """
         placed = checked(poses, self.num_agents, 3, "poses", "x, y, heading", most=FURTHEST)
         if self.course is None:
@@ -255,9 +255,9 @@ class Simulator:
             self.read.pop().forget()
 
     def step(self, control_inputs: ArrayLike) -> dict[str, Any]:
-        """Hold steering angle [rad] and speed [m/s] of each car, (num_agents, 2), for a step; return what is observed.
+        """Hold steering angle [rad] and speed [m/s] (num_agents, 2) for a step; return what is observed.
 
-        Raises SettingsError: another shape, a number that is not finite, or no reset before.
+        Raises SettingsError.
         """
         commands = checked(control_inputs, self.num_agents, 2, "action", "steering angle, speed")
         driving = self.driving
@@ -451,10 +451,7 @@ class RaceCar:
         self.state = np.array([x, y, 0.0, 0.0, heading, 0.0, 0.0])
 
     def update_pose(self, raw_steer: float, vel: float) -> FloatArray:
-        """Drive a car of its own at a steering angle [rad] and a speed [m/s] for a step, and return its scan.
-
-        Raises SettingsError: a car among others, which move at the same time.
-        """
+        """Drive a car of its own at [rad], [m/s] for a step, and return its scan; SettingsError: others are there."""
         if self._sim.num_agents != 1:
             raise SettingsError("update_pose of a car among others; accepted: step of their Simulator")
         scan: FloatArray = self._sim.step([[raw_steer, vel]])["scans"][0]

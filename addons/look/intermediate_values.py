@@ -60,10 +60,7 @@ class IntermediateValue:
     colour: tuple[int, int, int]  # red, green, blue in 0..255; the same in all decisions
 
     def drawing(self, scan: LaserScan) -> FloatArray:
-        """Return points (k, 2), or ends of pieces of lines (k, 2, 2), in the value's frame [m]; none of a number.
-
-        `scan` is the one of the decision.
-        """
+        """Return its points (k, 2), or ends of pieces (k, 2, 2), in its frame [m], in a scan's decision."""
         if self.kind == NUMBER:
             return np.empty((0, 2))
         points = self.array
@@ -76,10 +73,7 @@ class IntermediateValue:
         return pieces[(np.abs(pieces) <= FARTHEST).all(axis=(1, 2))]
 
     def sketch(self, scan: LaserScan, pose: FloatArray, lidar_offset: float) -> Sketch | None:
-        """Return it as drawn in the map; None of a number, of no points, and where the pose is not known.
-
-        `pose` (3,) [m, m, rad] is of the rear axle on the map, in the decision.
-        """
+        """Return it as drawn in the map, by the rear axle's pose (3,) [m, m, rad]; None: it has no place."""
         points = moved(self.drawing(scan), self.frame, MAP, pose, lidar_offset)
         if not points.size or not (np.abs(points) <= FARTHEST).all():
             return None

@@ -97,10 +97,7 @@ def require_ros_extra() -> None:
 
 @lru_cache(maxsize=4)
 def type_store(distribution: str = "") -> Any:
-    """Return the types of a distribution of ROS 2; those of Humble, unless rosbags knows the one that is named.
-
-    Those that are written here are the same in every later release. Raises MissingExtraError: the extra `ros`.
-    """
+    """Return the types of a distribution of ROS 2, those of Humble by default; MissingExtraError: the extra `ros`."""
     require_ros_extra()
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -122,10 +119,7 @@ def to_cdr(message: Any) -> bytes:
 
 
 def from_cdr(content: bytes, kind: str, store: Any = None) -> Any:
-    """Return the message of a type that CDR has, up to eight bytes of padding behind it left out.
-
-    Raises BagError: another encoding than XCDR1; Exception: what rosbags raises where there is no such message.
-    """
+    """Return the message of a type that CDR has, without padding behind it; BagError: another encoding than XCDR1."""
     encoding = _ENCODINGS.get(bytes(content[:2]))
     if encoding is not None:
         raise BagError(f"{kind} is written in {encoding}; accepted: XCDR1, as ROS 2 writes it")

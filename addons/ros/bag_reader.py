@@ -469,10 +469,7 @@ class Motion:
 
 
 def measured(heard: Heard, imus: tuple[Topic | None, Topic | None], mounting: FrameTree) -> dict[str, FloatArray]:
-    """Return the angular_velocity [rad/s] and the linear_acceleration [m/s^2] of an Imu, (3,), along the car's axes.
-
-    Without what its topic is not read for, what it does not measure, and what is no number.
-    """
+    """Return what an Imu's topics are read for of its quantities [rad/s], [m/s^2], (3,), along the car's axes."""
     axes, found = axes_of(mounting, heard.message.header.frame_id), {}
     for quantity, topic in zip(("angular_velocity", "linear_acceleration"), imus, strict=True):
         vector = getattr(heard.message, quantity)

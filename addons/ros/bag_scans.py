@@ -39,10 +39,7 @@ class Mount:
 
     @classmethod
     def of(cls, rotation: FloatArray, frame: str) -> Mount:
-        """Return the mount of a LiDAR with these axes in the car's frame, columns (3, 3).
-
-        Raises BagError: beyond 5 degrees.
-        """
+        """Return the mount of a LiDAR of axes (3, 3), columns in the car's frame; BagError: beyond 5 degrees."""
         if abs(rotation[2, 2]) < _FLAT:
             tilt = math.degrees(math.acos(min(1.0, abs(float(rotation[2, 2])))))
             raise BagError(f"frame {frame!r} is tilted by {tilt:.0f} deg on the car; accepted: a level LiDAR")

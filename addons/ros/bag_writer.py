@@ -90,8 +90,8 @@ _QOS = (  # rmw's numbers: keep last, reliable; durability 1 transient local, 2 
 class BagWriter:
     """Writes messages into an MCAP file, which gets its name when it is complete, or ended by an error of KEPT.
 
-    One that exists is replaced. `metadata` are texts to keep in it, by name. Raises MissingExtraError: the extra `ros`
-    is not installed; BagError: the file cannot be written.
+    `metadata` are texts to keep in it, by name. Raises MissingExtraError: the extra `ros`; BagError: it cannot be
+    written.
     """
 
     def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:

@@ -17,10 +17,7 @@ HELD = 0.5
 
 
 def command_of(kind: str, message: Any, wheelbase: float) -> DriveCommand:
-    """Return the command of a message of type DRIVE, ACKERMANN, TWIST or TWIST_STAMPED, at a wheelbase [m].
-
-    Raises AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
-    """
+    """Return the command of a message of a type above, at a wheelbase [m]; raises where it has no finite numbers."""
     if kind in (TWIST, TWIST_STAMPED):
         twist = message if kind == TWIST else message.twist
         speed, turning = _number(twist.linear.x), _number(twist.angular.z)

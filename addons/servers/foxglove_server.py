@@ -218,10 +218,7 @@ class FoxgloveServer:
         return {name: value for name, value in values.items() if not isinstance(value, float) or math.isfinite(value)}
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Set a parameter, at the next tick where it changes the car or its planner.
-
-        Raises SettingsError: none, or its value.
-        """
+        """Set a parameter, of the car or its planner at the next tick; SettingsError: none, or its value."""
         known = self.parameters()
         if name not in known:
             raise SettingsError(f"{name} is no parameter; accepted: {', '.join(known)}")
@@ -237,10 +234,7 @@ class FoxgloveServer:
             self.session.change(name, value)
 
     def take(self, topic: str, encoding: str, content: bytes) -> None:
-        """Take a message that a client has published.
-
-        Raises MessageError: another topic, no message of its type, or a command for which too many others wait.
-        """
+        """Take a message of a client; MessageError: another topic, not of its type, or too many wait for ticks."""
         if topic not in ACCEPTED:
             raise MessageError(f"nobody listens to {topic}; accepted: {', '.join(ACCEPTED)}")
         message = _read(topic, encoding, content)

@@ -39,10 +39,7 @@ def followed(contact: Mapping[str, Any]) -> str:
 def clip_of_several(
     seconds: float, end: float, contacts: Sequence[Mapping[str, Any]], overtakes: Sequence[Mapping[str, Any]]
 ) -> tuple[float, str] | None:
-    """Return when a clip of so many seconds begins [s], and the name of the car that it follows.
-
-    It follows the car at fault for the hardest contact, or else the car of the first overtake. None: there is neither.
-    """
+    """Return when a clip begins [s], and who is followed: at fault for the hardest contact, or first to overtake."""
     if contacts:
         hardest = max(contacts, key=lambda contact: float(contact["impulse_Ns"]))
         time, who = hardest["time_s"], followed(hardest)

@@ -30,10 +30,7 @@ _PLACE, _SHARE = 0.05, 0.2  # [m], [-] by which a pose may be off the one that i
 
 
 def read_csv_drive(path: Path, columns: DriveColumns | None = None) -> RecordedDrive:
-    """Return the drive of a CSV file; None of `columns`: of a layout that is recognised by its columns.
-
-    Raises SettingsError: a file that cannot be read, lacks a column or has wrong units, or whose clock runs backwards.
-    """
+    """Return the drive of a CSV file, without `columns` of a layout that is recognised; SettingsError: its fault."""
     header, table, numbers = _read(path)
     if columns is None:
         columns = recognised(header)

@@ -36,10 +36,7 @@ class DriveRows:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RecordedDrive(Measured):
-    """A drive as a car recorded it. The frame is base_link's: rear axle, x forward, y left.
-
-    Channels have their own times. `rows` has all at the times of the speed.
-    """
+    """A drive as recorded, in base_link's frame, x forward, y left; `rows` has all at the times of the speed."""
 
     name: str  # of the file or folder
     sha256: str  # of what it was read from

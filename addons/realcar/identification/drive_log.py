@@ -24,10 +24,7 @@ _MOST = 12.0  # times LONGEST, of a drive in one piece: the memory of the smooth
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Drive(Measured):
-    """A drive as the car's own sensors recorded it. The frame is base_link's: rear axle, x forward, y left.
-
-    Raises SettingsError: on making it, a drive that is too short, or of a car that stands.
-    """
+    """A drive as the car's sensors recorded it, in base_link's frame; SettingsError: too short, or the car stands."""
 
     name: str  # of the run folder or bag
     sha256: str  # of what it was read from
@@ -82,10 +79,9 @@ class Drive(Measured):
 
     @classmethod
     def of_run(cls, run: Run, car: CarParameters | None = None) -> Drive:
-        """Return what the sensors of a run's car measured, by simulating the run again.
+        """Return what a run's car measured, by simulating it again; RunFolderError: damaged.
 
-        Without `car` the constants are those of the run's own car. Raises RunFolderError: a damaged run folder;
-        SettingsError: a run that is too short, or stands.
+        Raises SettingsError: too short.
         """
         world = load_world(run)
         recorded = drive_of_run(run, world, beams=False)

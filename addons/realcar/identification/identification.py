@@ -350,10 +350,7 @@ def _peak(fit: Fit, axle: int) -> tuple[Estimate, float]:
 def held_back(
     problem: DriveProblem, parameters: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times [s], simulated and measured yaw rates [rad/s] of what was held back, a row each measurement.
-
-    Each segment is simulated from the state at its start that fits best; the parameters are given.
-    """
+    """Return times [s], simulated and measured yaw rates [rad/s] of what was held back, each from its best start."""
     rows = problem.gyro
     inside = problem.held_back[rows.segment]
     nodes = problem.run(parameters, fitted_starts(problem, parameters, noise))[:, 1]

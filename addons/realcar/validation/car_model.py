@@ -35,10 +35,7 @@ _SMOOTHED = 0.2  # of an acceleration of the wheels, each period: over 0.05 s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task:
-    """What models are driven through: n starts, and the commands of each until its end.
-
-    The commands of BEFORE periods come first in `steering` and `drive`: they are on their way to late servos.
-    """
+    """What models are driven through: n starts, and their commands, of which those of BEFORE periods come first."""
 
     starts: FloatArray  # (n, 7) SIGNALS, and the angle of the front wheels [rad]
     counts: FloatArray  # (n,) periods that each lasts

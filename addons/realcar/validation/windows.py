@@ -108,10 +108,7 @@ class SteadyState:
 def motion_of(
     drive: RecordedDrive, car: CarParameters, vehicle: str, response: CommandResponse | None = None
 ) -> DriveMotion:
-    """Return the smoothed motion of a drive; without `response` the car does what it is sent, at once.
-
-    Raises SettingsError: a drive without poses, or one that is too short, or stands.
-    """
+    """Return the smoothed motion of a drive; without `response` the car obeys at once; SettingsError: no poses."""
     if drive.pose is None:
         raise SettingsError(f"{drive.name}: has no poses; accepted: poses that were measured against the surroundings")
     motion: Motion = smooth(Drive.of_recorded(drive, car, vehicle))

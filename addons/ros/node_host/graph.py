@@ -267,10 +267,7 @@ class Graph:
         raise NodeError(f"node {due[0].name!r} lets no simulated time pass: it is always ready to do something more")
 
     def pause(self, wake: int | None, ready: Callable[[], bool] = lambda: False, *, spinning: bool = False) -> None:
-        """Let the thread that runs wait for a simulated time [ns], None: any, or until it is ready.
-
-        `spinning`: it waits for callbacks only, and has nothing else to do.
-        """
+        """Let the thread wait for a time [ns], None: any, or until it is ready; `spinning`: for callbacks only."""
         process = self.current
         if process is None:
             raise NodeEnded

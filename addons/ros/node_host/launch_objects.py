@@ -161,10 +161,7 @@ class _Module(ModuleType):
 
 
 class LaunchImports(Imports):
-    """The modules of launch files, executed in a graph, with the texts of substitutions in `context`.
-
-    `share` returns the share directory of a package, by its name; None where the package is not here.
-    """
+    """The modules of launch files; `share` returns the share directory of a package, None where it is not here."""
 
     def __init__(self, path: Path, graph: Graph, share: Callable[[str], Path | None], context: Context) -> None:
         session = Session(graph, path, {}, {})

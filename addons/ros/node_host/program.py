@@ -93,10 +93,7 @@ def _read_launch_of_ros(path: Path) -> Program:
 
 
 def start_launch_file(program: Program, given: Mapping[str, Any], said: str, graph: Graph) -> tuple[NodeFile, ...]:
-    """Execute a launch file of ROS 2, and return the nodes that it starts; a graph gets the files that it reads.
-
-    `given` are launch arguments. Raises ControllerError: it fails, or starts a node whose text the hash does not cover.
-    """
+    """Execute a launch file of ROS 2 with arguments, and return the nodes that it starts, or ControllerError."""
     found = launched(program.path, given, said, graph)
     for file in (*found.read, *(each.path.resolve() for each in found.nodes)):
         if file not in program.files:

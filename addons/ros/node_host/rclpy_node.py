@@ -155,10 +155,7 @@ class Node:
             self._fg.declare("use_sim_time", True)
 
     def __getattr__(self, name: str) -> Any:
-        """Return rclpy's attribute of a name that the node's author has not used for an attribute of the node.
-
-        Humble has `_logger`, `_clock` and `_parameters`, and the others with a second underscore, Jazzy with one.
-        """
+        """Return rclpy's attribute, with one underscore as in Humble or two, that the author has not used."""
         if name == "_fg":  # not made yet
             raise AttributeError("a node is used before super().__init__(name)")
         inside = self._fg

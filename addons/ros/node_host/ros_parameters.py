@@ -48,10 +48,7 @@ def rcl_value(text: str) -> Any:
 
 
 def rcl_yaml(text: str | bytes, file: str = "") -> Any:
-    """Return the values of a YAML text as rcl reads them; keys are texts, of which those of a file may be there twice.
-
-    Raises Exception: YAML's own; a value that is missing; a list of several types.
-    """
+    """Return the values of a YAML text as rcl reads them, keys as texts; raises YAML's errors, and ValueError."""
     class Loader(plain_loader(file)):  # type: ignore[misc]
         yaml_implicit_resolvers: dict[Any, Any] = {}  # noqa: RUF012
 
@@ -144,10 +141,7 @@ class RosArguments:
 
 
 def read_ros_arguments(arguments: Sequence[str], node: str | None, said: str) -> RosArguments:
-    """Return what a node's arguments say, with rules of the form `node:name:=value` for its name; None: any.
-
-    Raises ControllerError: an option of ROS without its value, or a rule of another form.
-    """
+    """Return what a node's arguments say, by rules for its name, None: any; ControllerError: of another form."""
     plain: list[str] = []
     parameters: dict[str, Any] = {}
     remap: dict[str, str] = {}

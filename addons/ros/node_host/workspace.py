@@ -95,10 +95,7 @@ def _installed(text: str, name: str) -> Iterator[str]:
 
 
 def may_start(launch: Path) -> list[Path]:
-    """Return the Python files that a launch file may execute or start, itself first.
-
-    They are those of its package, else folder, and of each package of its workspace that one of them names.
-    """
+    """Return the Python files that a launch file may start, itself first: of its package, and those that one names."""
     own, names, found = own_package(launch), packages(launch), {launch.resolve(): None}
     for folder in list(names.values()):
         inits = [*folder.glob("*/__init__.py"), *folder.glob("src/*/__init__.py")]

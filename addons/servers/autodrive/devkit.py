@@ -100,10 +100,7 @@ class DevKit:
             self._laps = LapTimer(surroundings.world.track)
 
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
-        """Tell the DevKit what the car senses, and return its command.
-
-        Raises ControllerError: it has not answered in time, or has gone; MessageError: it has answered no commands.
-        """
+        """Tell the DevKit what the car senses, and return its command; ControllerError: it is silent; MessageError."""
         self._turn_wheels(odometry)
         try:
             if self._real_time:

@@ -48,10 +48,7 @@ class Client:
         self._write(_MESSAGE + _EVENT + json.dumps([self._event, data], separators=(",", ":")))
 
     def receive(self, timeout: float) -> list[Any]:
-        """Return the data of the events since the last call, the newest last, at most 16; `timeout` [s].
-
-        Raises TimeoutError: there was none; EngineError: the connection is closed.
-        """
+        """Return the data of events since the last call, 16 at most, within [s]; TimeoutError: none; EngineError."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._waiting or self._lost, timeout):
                 raise TimeoutError
@@ -154,10 +151,7 @@ class Client:
 
 
 def open_client(host: str, port: int, event: str) -> Client:
-    """Return a new connection to a server of Socket.IO, which sends and receives one event.
-
-    Raises EngineError: nobody listens there, or somebody who does not speak it; MissingExtraError.
-    """
+    """Return a connection to a server of Socket.IO for one event; EngineError: none is there; MissingExtraError."""
     try:
         from websockets.exceptions import InvalidHandshake
         from websockets.sync.client import connect as connect_websocket
