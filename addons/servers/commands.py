@@ -143,8 +143,7 @@ def _log(line: str) -> None:
 )  # fmt: skip
 def _autodrive(options: argparse.Namespace) -> int:
     """Connect to a DevKit of AutoDRIVE, in the place of its simulator, and race the car that it drives."""
-    from .autodrive.devkit import PATIENCE, PORT, DevKit
-    from .autodrive.front_camera import BlankCamera, FrontCamera
+    from .autodrive.devkit import PATIENCE, PORT, BlankCamera, DevKit, FrontCamera
 
     if not hasattr(options, "rules"):
         options.rules = _RULES

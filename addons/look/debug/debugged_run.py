@@ -18,8 +18,7 @@ from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.run_folder import FAILED_SCAN, Run, read_failed_scan, read_run
 from fg_mujoco.simulation.world import World
 
-from ..report.map_shapes import map_shapes
-from ..report.recorded import RecordedRun, read_recorded
+from ..report.recorded import RecordedRun, map_shapes, read_recorded
 from .debug_page import debug_page
 from .decisions import Witness
 from .window import Window

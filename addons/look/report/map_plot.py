@@ -15,7 +15,7 @@ from fg_mujoco.simulation.termination import WrongWay
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 from .laps_and_slides import SlideEvent
-from .map_shapes import MapShapes
+from .recorded import MapShapes
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource

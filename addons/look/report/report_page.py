@@ -19,8 +19,7 @@ from .clip import clip_of_several, clip_start, make_clip
 from .field import Field, cars_table, contacts_table, field_plots, overtakes_table, said
 from .laps_and_slides import lap_length, lap_table, slide_events
 from .map_plot import colour_scales, map_plot
-from .map_shapes import map_shapes
-from .recorded import SPEED_FAR_ABOVE, read_recorded, tick_columns
+from .recorded import SPEED_FAR_ABOVE, map_shapes, read_recorded, tick_columns
 from .time_plots import cursor_source, gg_plot, tick_source, time_plots
 
 CLIP_SECONDS = 8.0

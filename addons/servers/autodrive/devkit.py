@@ -11,6 +11,8 @@ A DevKit that does not answer the first packet, while its connection lives, is s
 
 from __future__ import annotations
 
+import base64
+import io
 import math
 import time
 import warnings
@@ -19,9 +21,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fg_mujoco.addons.ros import front_camera
 from fg_mujoco.course.lap_timer import LapTimer
-from fg_mujoco.errors import ControllerError, EngineError, SettingsError
+from fg_mujoco.errors import ControllerError, EngineError, SettingsError, missing_extra
 from fg_mujoco.messages import STOP, DriveCommand, LaserScan, Odometry, shown
 from fg_mujoco.simulation.planner_adapter import Surroundings
 
@@ -47,6 +51,8 @@ _MOST_EXTRA, _FORGOTTEN = 5.0, 0.1  # answers that were not waited for; of them 
 
 _REAR = slice(2, 4)  # of the wheel speeds of an odometry
 _SAME_TIME = 1e-9  # [s]
+_BLANK_SIZE = (16, 9)
+_QUALITY = 75  # of the JPEG, in percent: the guide
 
 
 Camera = Callable[[Surroundings, Odometry], str]
@@ -212,3 +218,37 @@ def split_address(address: str) -> tuple[str, int]:
     if not host or not port.isdecimal() or not 1 <= int(port) <= 65535:
         raise SettingsError(f"devkit is {address!r}; accepted: HOST or HOST:PORT, such as 127.0.0.1:{PORT}")
     return host, int(port)
+
+
+class BlankCamera:
+    """A camera whose pictures are white."""
+
+    def __init__(self) -> None:
+        width, height = _BLANK_SIZE
+        self._picture = jpeg(np.full((height, width, 3), 255, np.uint8))
+
+    def __call__(self, surroundings: Surroundings, odometry: Odometry) -> str:
+        """See Camera."""
+        return self._picture
+
+
+class FrontCamera:
+    """A camera that draws what is ahead of the car, and other cars with it. The extra `render` draws."""
+
+    def __init__(self) -> None:
+        self._camera = front_camera.FrontCamera()
+
+    def __call__(self, surroundings: Surroundings, odometry: Odometry) -> str:
+        """See Camera."""
+        return jpeg(self._camera.picture(surroundings))
+
+
+def jpeg(pixels: NDArray[np.uint8]) -> str:
+    """Return a picture (height, width, 3) as a JPEG in base64; MissingExtraError: pillow is not installed."""
+    try:
+        from PIL import Image
+    except ImportError as error:
+        raise missing_extra("pictures of the front camera need pillow", "autodrive") from error
+    written = io.BytesIO()
+    Image.fromarray(pixels).save(written, format="JPEG", quality=_QUALITY)
+    return base64.b64encode(written.getvalue()).decode("ascii")

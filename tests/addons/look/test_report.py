@@ -13,8 +13,7 @@ from fg_mujoco.addons.arena.race_control.race_control import standings
 from fg_mujoco.addons.look.report.clip import clip_of_several, clip_start
 from fg_mujoco.addons.look.report.field import Field
 from fg_mujoco.addons.look.report.laps_and_slides import SlideEvent, lap_table, slide_events
-from fg_mujoco.addons.look.report.map_shapes import map_shapes
-from fg_mujoco.addons.look.report.recorded import SPEED_FAR_ABOVE, accelerations, limit_speed, read_recorded
+from fg_mujoco.addons.look.report.recorded import SPEED_FAR_ABOVE, accelerations, limit_speed, map_shapes, read_recorded
 from fg_mujoco.simulation.cars import car_colour, car_colour_hex
 from fg_mujoco.vehicle.car import WHEELS, car_parameters
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED

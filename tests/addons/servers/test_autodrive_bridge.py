@@ -21,7 +21,7 @@ from websockets.sync.server import serve
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.servers.autodrive import devkit as devkit_module
-from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, DevKit
+from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, BlankCamera, DevKit
 from fg_mujoco.addons.servers.autodrive.packets import LapTimes, packet, read_answer
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MessageError
@@ -29,7 +29,6 @@ from fg_mujoco.messages import LaserScan, Odometry
 from refusals import refused
 
 pytest.importorskip("PIL")
-from fg_mujoco.addons.servers.autodrive.front_camera import BlankCamera
 
 SILENT, GONE = "silent", "gone"
 PING, PATIENCE = 0.2, 1.5  # [s] between pings, and without a sign of life until the client is dropped
