@@ -61,11 +61,7 @@ _CHANGE = {"params", "control_input", "map", "scale", "max_laps", "reset_config"
 
 
 class CarAction:
-    """Meaning of actions: steering first, then speed or acceleration.
-
-    `control_input` is `speed` or `accl`, and `steering_angle` or `steering_speed`; of one, the other follows.
-    SettingsError: another name.
-    """
+    """Meaning of actions, steering first: `control_input` is one or two of _BESIDES; SettingsError: another name."""
 
     def __init__(self, control_input: Any, params: Mapping[str, Any]) -> None:
         names = [control_input] if isinstance(control_input, str) else control_input
