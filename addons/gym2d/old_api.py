@@ -84,11 +84,9 @@ class F110Env(RaceEnvironment, base_of_gym()):  # type: ignore[misc]
         self._note_call("update_map", map_path, map_ext)
 
     def reset(self, poses: ArrayLike | None = None, **_: Any) -> tuple[dict[str, Any], float, bool, dict[str, Any]]:
-        """Place the cars at poses of the rear axles (num_agents, 3), x [m], y [m], heading [rad].
+        """Place the cars at poses of the rear axles (num_agents, 3), x [m], y [m], heading [rad]; return as `step`.
 
-        Raises let them stand for a step.
-        Returns what `step` returns. None: at the course's start. Raises SettingsError: another shape, or a number that
-        is not finite.
+        They stand for a step; None is the course's start. Raises SettingsError: another shape, or no finite number.
         """
         self._place(self._grid() if poses is None else poses)
         return self.step(np.zeros((self.num_agents, 2)))
