@@ -31,86 +31,43 @@ RESETS = ("min_dist", "max_dist", "shuffle", "move_laterally", "reference_line",
 """Settings of a reset besides its strategy."""
 _DYNAMIC = ("pose_x", "pose_y", "delta", "linear_vel_magnitude", "pose_theta", "ang_vel_z", "beta")
 
+LongitudinalActionType = Enum("LongitudinalActionType", {"SPEED": "speed", "ACCL": "accl"})
+"""Longitudinal actions."""
 
-class LongitudinalActionType(Enum):
-    """Longitudinal actions."""
+SteerActionType = Enum("SteerActionType", {"STEERING_ANGLE": "steering_angle", "STEERING_SPEED": "steering_speed"})
+"""Steering actions."""
 
-    SPEED = "speed"
-    ACCL = "accl"
+ObservationType = Enum("ObservationType", {
+    "DIRECT": "direct", "DEFAULT": "default", "ORIGINAL": "original", "FEATURES": "features",
+    "KINEMATIC_STATE": "kinematic_state", "DYNAMIC_STATE": "dynamic_state",
+    "FRENET_DYNAMIC_STATE": "frenet_dynamic_state",
+})  # fmt: skip
+"""Types of observations."""
 
+ResetStrategy = Enum("ResetStrategy", {
+    "RL_GRID_STATIC": "rl_grid_static", "RL_GRID_RANDOM": "rl_grid_random", "RL_RANDOM_STATIC": "rl_random_static",
+    "RL_RANDOM_RANDOM": "rl_random_random", "CL_GRID_STATIC": "cl_grid_static", "CL_GRID_RANDOM": "cl_grid_random",
+    "CL_RANDOM_STATIC": "cl_random_static", "CL_RANDOM_RANDOM": "cl_random_random",
+    "MAP_RANDOM_STATIC": "map_random_static",
+})  # fmt: skip
+"""Places of cars at a reset."""
 
-class SteerActionType(Enum):
-    """Steering actions."""
+ReferenceLine = Enum("ReferenceLine", {"RACELINE": 1, "CENTERLINE": 2})
+"""Lines on which cars are put at a reset."""
 
-    STEERING_ANGLE = "steering_angle"
-    STEERING_SPEED = "steering_speed"
+LoopCounterMode = Enum("LoopCounterMode", {"TOGGLE": 1, "FRENET_BASED": 2, "WINDING_ANGLE": 3})
+"""Ways to count laps; here they are counted by progress from where the car starts, whatever is asked for."""
 
+CollisionCheckMode = Enum("CollisionCheckMode", {
+    "LIDAR_SCAN": 1, "BOUNDING_BOX": 2, "FRENET": 3, "SEGMENT_CONTACT": 4, "NONE": 5,
+})  # fmt: skip
+"""Ways to find collisions; here they are MuJoCo's contacts, whatever is asked for."""
 
-class ObservationType(Enum):
-    """Types of observations."""
+AgentTerminationMode = Enum("AgentTerminationMode", {"EGO": 0, "ANY": 1, "ALL": 2})
+"""Whose end is that of the environment."""
 
-    DIRECT = "direct"
-    DEFAULT = "default"
-    ORIGINAL = "original"
-    FEATURES = "features"
-    KINEMATIC_STATE = "kinematic_state"
-    DYNAMIC_STATE = "dynamic_state"
-    FRENET_DYNAMIC_STATE = "frenet_dynamic_state"
-
-
-class ResetStrategy(Enum):
-    """Places of cars at a reset."""
-
-    RL_GRID_STATIC = "rl_grid_static"
-    RL_GRID_RANDOM = "rl_grid_random"
-    RL_RANDOM_STATIC = "rl_random_static"
-    RL_RANDOM_RANDOM = "rl_random_random"
-    CL_GRID_STATIC = "cl_grid_static"
-    CL_GRID_RANDOM = "cl_grid_random"
-    CL_RANDOM_STATIC = "cl_random_static"
-    CL_RANDOM_RANDOM = "cl_random_random"
-    MAP_RANDOM_STATIC = "map_random_static"
-
-
-class ReferenceLine(Enum):
-    """Lines on which cars are put at a reset."""
-
-    RACELINE = 1
-    CENTERLINE = 2
-
-
-class LoopCounterMode(Enum):
-    """Ways to count laps; here they are counted by progress from where the car starts, whatever is asked for."""
-
-    TOGGLE = 1
-    FRENET_BASED = 2
-    WINDING_ANGLE = 3
-
-
-class CollisionCheckMode(Enum):
-    """Ways to find collisions; here they are MuJoCo's contacts, whatever is asked for."""
-
-    LIDAR_SCAN = 1
-    BOUNDING_BOX = 2
-    FRENET = 3
-    SEGMENT_CONTACT = 4
-    NONE = 5
-
-
-class AgentTerminationMode(Enum):
-    """Whose end is that of the environment."""
-
-    EGO = 0
-    ANY = 1
-    ALL = 2
-
-
-class RewardMode(Enum):
-    """Rewards of a step."""
-
-    SURVIVAL = 0
-    PROGRESS = 1
-    CUSTOM = 2
+RewardMode = Enum("RewardMode", {"SURVIVAL": 0, "PROGRESS": 1, "CUSTOM": 2})
+"""Rewards of a step."""
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,7 @@ from typing import Any
 from .graph import NodeError
 from .rclpy_handles import Publisher
 
-
-class TransitionCallbackReturn(enum.IntEnum):
-    SUCCESS = 97
-    FAILURE = 98
-    ERROR = 99
+TransitionCallbackReturn = enum.IntEnum("TransitionCallbackReturn", {"SUCCESS": 97, "FAILURE": 98, "ERROR": 99})
 
 
 class State(enum.IntEnum):

@@ -47,18 +47,10 @@ class Client:
         pass
 
 
-class GoalStatus(enum.IntEnum):
-    """action_msgs/GoalStatus."""
-
-    UNKNOWN = 0
-    ACCEPTED = 1
-    EXECUTING = 2
-    CANCELING = 3
-    SUCCEEDED = 4
-    CANCELED = 5
-    ABORTED = 6
-
-
+GoalStatus = enum.IntEnum(
+    "GoalStatus", "UNKNOWN ACCEPTED EXECUTING CANCELING SUCCEEDED CANCELED ABORTED", start=0
+)
+"""action_msgs/GoalStatus."""
 GoalResponse = enum.Enum("GoalResponse", {"REJECT": 1, "ACCEPT": 2})
 CancelResponse = enum.Enum("CancelResponse", {"REJECT": 1, "ACCEPT": 2})
 
