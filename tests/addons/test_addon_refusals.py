@@ -8,7 +8,6 @@ torn bag, a policy that does not fit or a peer that misbehaves, stands in the fi
 import dataclasses
 import importlib.util
 import math
-import pkgutil
 import re
 from pathlib import Path
 
@@ -48,7 +47,7 @@ from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import known_settings
-from refusals import refused
+from refusals import assert_bounds, classes_that_validate, refused
 
 # -- every field of every class that validates
 
@@ -60,24 +59,13 @@ GIVEN = {CHECKS["lap_time"]: {"most_s": 9.0}, CHECKS["mean_speed"]: {"least_m_s"
 JUDGED_LATER = {(Residual, "planner"), (Duels, "speed")}
 
 
-def classes_that_validate():
-    found = dict(GIVEN)
-    for module in pkgutil.walk_packages(fg_mujoco.addons.__path__, "fg_mujoco.addons."):
-        if not module.name.endswith(("__main__", "spawned")):
-            try:
-                kinds = vars(importlib.import_module(module.name)).values()
-            except (ImportError, FgMujocoError):  # what it needs is not installed
-                continue
-            for kind in kinds:
-                own = isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind.__module__ == module.name
-                if own and hasattr(kind, "__post_init__") and kind not in found:
-                    fields = dataclasses.fields(kind)
-                    lacks = any(f.default is f.default_factory is dataclasses.MISSING for f in fields)
-                    found |= {} if lacks else {kind: {}}
-    return found
+CLASSES = classes_that_validate(fg_mujoco.addons, GIVEN)
 
 
-CLASSES = classes_that_validate()
+@each("kind", CLASSES, ids=lambda kind: kind.__name__)
+def test_a_bound_that_a_refusal_names_is_where_refusals_begin(kind):
+    pairs = {field.name for field in dataclasses.fields(kind) if field.name.startswith(("max_", "least", "greatest"))}
+    assert_bounds(kind, CLASSES[kind], pairs if kind in (Floor, GeneratorSettings) else ())
 
 
 @each("kind", CLASSES, ids=lambda kind: kind.__name__)

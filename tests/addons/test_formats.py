@@ -48,6 +48,7 @@ from fg_mujoco.pictures.rendering.scenery import compile_scenery
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.simulation.settings import known_settings
 from forging import without_checksums
+from refusals import contents
 from small_policies import FLAT, PARTS, interface_of, network_for
 
 LONGEST, MOST = 10, 1_500_000_000
@@ -210,10 +211,6 @@ def limits(seconds=LONGEST, memory=MOST):
         for one, handler in handlers.items():
             signal.signal(one, handler)
         resource.setrlimit(resource.RLIMIT_AS, before)
-
-
-def contents(folder):
-    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
 def judge(use, here, capfd, **most):

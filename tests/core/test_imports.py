@@ -100,6 +100,14 @@ def test_no_test_of_the_core_imports_an_add_on():
     assert [path.name for path in tests if words.search(path.read_text("utf-8"))] == []
 
 
+def test_there_is_one_place_that_compares_names_and_no_two_modules_have_the_same():
+    """Modules of commands are named after the command, which another room may have the verb of."""
+    core = {name: path for name, path in MODULES.items() if not name.startswith("fg_mujoco.addons")}
+    assert [path.name for path in core.values() if "difflib" in path.read_text("utf-8")] == ["errors.py"]
+    names = [path.stem for path in core.values() if "__" not in path.name and path.parent.name != "cli"]
+    assert {name for name in names if names.count(name) > 1} == set()
+
+
 LOADS_NOTHING_OF = (
     "course.maps", "course.scenes", "course.line_file", "course.track_walls", "addons.arena",
     "racing.crash", "racing.run_folder", "lidar.scan_pipeline", "addons.realcar",

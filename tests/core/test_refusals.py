@@ -5,10 +5,8 @@ is tried without a word here. `LINES` and `CALLS` have what several settings tog
 """
 
 import dataclasses
-import importlib
 import json
 import math
-import pkgutil
 import re
 from dataclasses import fields
 
@@ -28,6 +26,7 @@ from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.errors import ArgumentError, accepted_names, nearest
+from fg_mujoco.gone import GONE
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import load_experiment
 from fg_mujoco.lab.manoeuvres import MANOEUVRES
@@ -40,9 +39,8 @@ from fg_mujoco.racing.randomization import Randomization
 from fg_mujoco.racing.setup import FIELD_OF, SETUP_KEYWORDS, Setup
 from fg_mujoco.simulation.settings import Scenario, Start
 from fg_mujoco.vehicle.sensors import SENSORS
-from fg_mujoco.vehicle.sensors.sensor import Sensor
 from fg_mujoco.vehicle.tires import Brush, Coulomb, Linear, MagicFormula, tire_names
-from refusals import refused
+from refusals import assert_bounds, classes_that_validate, refused
 from scan_worlds import CAR, MU
 
 NAMES = {name: field for name, (_, field) in FIELD_OF.items()} | {
@@ -73,27 +71,18 @@ GIVEN = {
     **{kind: {"D": 1.0, "stiffness": 20.0} for kind in (Brush, Coulomb, Linear)},
 }  # fmt: skip
 """What makes one of each class that cannot be made of nothing."""
-INNER = {"OpenGround", "Stage", "WorldCar", "Tires", "DriveSettings", "Scenario", "EnvironmentSettings"}  # or see below
+INNER = {"OpenGround", "Stage", "WorldCar", "Tires", "DriveSettings", "Scenario", "EnvironmentSettings",
+         "Sensor"}  # or see below
 JUDGED_LATER = {"line", "controller", "track", "entries", "kind", "obstacles"}  # when it is used
 OF_PLANNERS_THEMSELVES = {"car", "seed", "map_line", "sensors", "lidar", "assist"}  # of PlannerContext
 
 
-def classes_that_validate():
-    """The classes of the package with a `__post_init__` that can be made of nothing, or of what is GIVEN."""
-    found = dict(GIVEN)
-    for package in (fg, fg_mujoco.controllers):
-        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if (package is fg and ".addons" in module.name) or module.name.endswith("__main__"):
-                continue
-            for kind in vars(importlib.import_module(module.name)).values():
-                own = isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind.__module__ == module.name
-                if own and hasattr(kind, "__post_init__") and kind.__name__ not in INNER and kind is not Sensor:
-                    lacks = [f for f in fields(kind) if f.default is f.default_factory is dataclasses.MISSING]
-                    found |= {} if lacks or kind in found or not fields(kind) else {kind: {}}
-    return found
-
-
-CLASSES = classes_that_validate()
+CLASSES = {
+    kind: given
+    for package in (fg, fg_mujoco.controllers)
+    for kind, given in classes_that_validate(package, GIVEN).items()
+    if kind.__name__ not in INNER
+}
 
 
 def no_values_of(kind, field):
@@ -113,41 +102,13 @@ def test_a_value_that_no_field_can_have_is_refused_by_name(kind):
                 check(field.name, value, lambda f=field, v=value: kind(**CLASSES[kind] | {f.name: v}))
 
 
-BOUND = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
-TOGETHER = {"MagicFormula", ("SineSweep", "low"), ("SineSweep", "high")}  # whose bounds others of their fields set
+TOGETHER = {MagicFormula: ("B", "C", "D", "E"), MANOEUVRES["sine_sweep"]: ("low", "high")}
+"""Fields whose bounds others set."""
 
 
 @each("kind", CLASSES, ids=lambda kind: kind.__name__)
 def test_a_bound_that_a_refusal_names_is_where_refusals_begin(kind):
-    """Of every number, to both sides: just beyond a bound it is refused, and on the bound or just within accepted."""
-
-    def refusal(name, value):
-        try:
-            kind(**CLASSES[kind] | {name: value})
-        except fg.FgMujocoError as error:
-            return str(error).rpartition("accepted: ")[2].partition(";")[0]
-        return None
-
-    for field in fields(kind):
-        number = re.match(r"(float|int)\b", str(field.type)) if field.init else None
-        for side in (-1, 1) if number and not TOGETHER & {kind.__name__, (kind.__name__, field.name)} else ():
-            of = int if number[0] == "int" else float
-            said = refusal(field.name, of(side * 1e12))
-            if said is None:
-                continue
-            angle = {"at most pi": [math.pi], "90 degrees": [0.5 * math.pi]}
-            named = [
-                0.0,
-                *map(float, BOUND.findall(said)),
-                *(b for words in angle if words in said for b in angle[words]),
-            ]
-            named += [-bound for bound in named if "either side" in said]
-            steps = {bound: 1.0 if of is int else max(1e-5 * abs(bound), 1e-9) for bound in named}
-            assert any(
-                refusal(field.name, of(bound + side * step)) is not None
-                and None in (refusal(field.name, of(bound)), refusal(field.name, of(bound - side * step)))
-                for bound, step in steps.items()
-            ), (field.name, said)
+    assert_bounds(kind, CLASSES[kind], TOGETHER.get(kind, ()))
 
 
 @each(
@@ -253,6 +214,13 @@ def test_a_name_that_resembles_nothing_gets_no_hint_and_a_part_of_one_is_that_on
     tires = ("contact", "forzaeth_nuc5", "forzaeth_nuc6", "forzaeth_sim")
     assert nearest("nuc5", tires) == "forzaeth_nuc5"
     assert nearest("nuc", tires) is nearest("im", tires) is None  # two, and too short to say anything
+
+
+@each("given", [given for given in GONE if " " in given])
+def test_what_went_is_refused_with_what_serves_instead(given, here, capsys):
+    setting, words = given.removeprefix("setting "), given.removeprefix("fg-mujoco ").split()
+    words = words if setting == given else ("race", "--controller", f"gap_finder[{setting}=1]")
+    assert f"{given!r} is gone; instead: {GONE[given]}" in refused(here, capsys, *words)
 
 
 # -- what several settings together cannot be, and what is meant by other words

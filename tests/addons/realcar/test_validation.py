@@ -12,7 +12,7 @@ pytest.importorskip("scipy")
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.realcar.drives.reading import read_drive
-from fg_mujoco.addons.realcar.validation.car_model import CarModel
+from fg_mujoco.addons.realcar.validation.car_model import BEFORE, CarModel, Task
 from fg_mujoco.addons.realcar.validation.validation import COMMANDS, HELD, validate
 from fg_mujoco.addons.realcar.validation.windows import (
     ACCELERATE,
@@ -27,10 +27,17 @@ from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
-from window_tasks import task
 
 SHARED = Path(__file__).resolve().parent.joinpath("../../../../shared/data/real_drives").resolve()
 CAR = Vehicle.load("f1tenth")
+
+
+def task(steering, drive, start, seconds, *, kind):
+    """One window, with the same commands in each of its ticks."""
+    count = round(seconds / PERIOD)
+    row = np.full((1, BEFORE + count), 1.0)
+    return Task(starts=np.array([start]), counts=np.array([count]), steering=steering * row, drive=drive * row,
+                kinds=np.array([kind]))  # fmt: skip
 
 
 @pytest.fixture(scope="module")
