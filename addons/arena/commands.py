@@ -151,19 +151,11 @@ def bench_command(options: argparse.Namespace) -> int:
 
 
 @command(
-    option(
-        "controller", "NAME, path/to/file.py:ClassName or a policy's file; settings in brackets are those of all draws",
-        "PLANNER", names=controller_names,
-    ),
-    option(
-        "--set", "draw a setting of the planner, max_speed or planner_mu; again for each", "NAME=LOW:HIGH|A|B",
-        default=[], action="append",
-    ),
+    option("controller", "NAME, path/to/file.py:ClassName or a policy's file", "PLANNER", names=controller_names),
+    option("--set", "draw a setting of the planner, or max_speed, planner_mu", "NAME=RANGE", default=[], action="append"),
     option("--mu", "friction of the tires, or its range: LOW:HIGH; default: of the tires' file", "MU"),
     option("--runs", f"of all draws together; default: {RUNS}", "N", whole, RUNS),
-    option(
-        "--conditions", f"frictions and starts, the same for each draw; default: {CONDITIONS}", "N", whole, CONDITIONS
-    ),
+    option("--conditions", f"frictions and starts of each draw; default: {CONDITIONS}", "N", whole, CONDITIONS),
     setup_options(
         but=("controller", "mu", "lidar", "motion_distortion", "rules"), laps="default: 1",
         assist="stages between planner and car, as of `race`; default: none",
@@ -175,13 +167,12 @@ def bench_command(options: argparse.Namespace) -> int:
 def tune_command(options: argparse.Namespace) -> int:
     """Drive a planner with many draws of its settings under the same conditions, and rank them, the safest first."""
     setup, mu = setup_of(options, lists=("controller", "mu", "assist")), options.mu
-    usual = setup.with_cars(controller=options.controller)
     with shown(options, "runs", rollout_progress) as watch:
         found = tune(
             options.controller, named_values(options.set, "--set", "NAME=LOW:HIGH or NAME=A|B"), setup=setup,
             mu=mu if mu is None or ":" in mu else number(mu), assist=getattr(options, "assist", None), out=options.out,
             runs=options.runs, conditions=options.conditions, workers=options.workers, watch=watch,
-            executor=options.executor or executor_for(usual),
+            executor=options.executor or executor_for(setup.with_cars(controller=options.controller)),
         )  # fmt: skip
     if options.out is not None and can_draw(PICTURE, several=False):
         found.picture(Path(options.out) / PICTURE)

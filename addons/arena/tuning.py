@@ -27,7 +27,7 @@ from fg_mujoco.messages import FloatArray, require_whole
 from fg_mujoco.pictures.pages.figure_kit import COLOURS, finish, render, require_matplotlib
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing import planners
-from fg_mujoco.racing.entries import Entry, check_starts
+from fg_mujoco.racing.entries import check_starts
 from fg_mujoco.racing.planners import Value
 from fg_mujoco.racing.randomization import OF_PLANNERS, PLANNER, Choice, Range, Uniform, as_range, world_seeds
 from fg_mujoco.racing.resolved import ground_of
@@ -56,8 +56,7 @@ _HOLLOW = {"marker": "o", "fillstyle": "none", "color": "0.6", "label": "untouch
 _FILLED = {"marker": "o", "color": COLOURS[0], "label": "safe; right: in all runs"}
 _BEST = {"marker": "*", "color": COLOURS[1], "markersize": 10.0, "label": "best"}
 
-Draw = dict[str, Value]
-"""Values by names of a rollout's columns: `planner.SETTING`, `mu`, `start_s`."""
+Draw = dict[str, Value]  # by the columns of a rollout: `planner.SETTING`, `mu`, `start_s`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +77,7 @@ class Tuning:
         if self.best is None:
             return f"no draw is safe in all of its runs; the first is {safe}, and untouched in {first['untouched']}"
         same = [row for row in others if row["safe"] == first["safe"]]
-        close = [row for row in same if row["behind_s"] <= (row["noise_s"] or math.inf)]
+        close = [row for row in same if row["noise_s"] is None or row["behind_s"] <= row["noise_s"]]
         more = f"; {len(close)} more are as safe, and no slower at 95 %" if close else ""
         return f"best, {safe}{more}:\n{self.best}"
 
@@ -93,19 +92,14 @@ class Tuning:
         ]  # fmt: skip
         names = ("rank", *(name.removeprefix(PLANNER) for name in self.names), "assist", "safe", "95 % interval")
         header = (*names, "finished untouched", "sliding [%]", "mean lap [s]", "behind [s]", "+- [s]")
-        more = f" {len(self.rows) - len(rows)} more draws are left out here." if len(rows) < len(self.rows) else ""
-        return Table(header=header, rows=rows, left=("assist",), legend=_LEGEND + more)
+        return Table(header=header, rows=rows, left=("assist",), legend=_LEGEND)
 
     def markdown(self, most: int | None = None) -> str:
         """Return what was driven, the table of the first draws or of all, and the verdict."""
         return f"{self.head}\n\n{self.table(most).markdown()}\n{self.verdict}\n"
 
     def picture(self, path: str | Path) -> None:
-        """Write a panel for each setting, of the safe runs and of the mean lap, to an .svg, .pdf or .png file.
-
-        Raises:
-          MissingExtraError: matplotlib is not installed.
-        """
+        """Write a panel for each setting, of the safe runs and of the mean lap, to an .svg, .pdf or .png file."""
         require_matplotlib()
         runs, whole = self.rows[0]["runs"], np.array([row["safe"] == row["runs"] for row in self.rows])
         laps = np.array([row["mean_lap_s"] for row in self.rows], np.float64)
@@ -155,25 +149,23 @@ def tune(  # type: ignore[misc]  # mu is drawn here
       conditions: of each draw. On a closed course each has another start; where nothing differs there is one.
       assist: stages between planner and car; None: that of `setup`, or none, and so no "full".
       out: a new or empty folder for the rollout and the table, or one of the same call, which then goes on.
-      workers: as of `rollout`.
-      executor: as of `rollout`.
-      watch: as of `rollout`.
+      workers: as of `rollout`, as are `executor` and `watch`.
       setup: of the race; None: the defaults. Its seed is that of draws, conditions and noise.
       keywords: of a Setup, see there, that change `setup`; `laps` None is one.
 
     Raises:
-      SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
-      MissingExtraError: SciPy is not installed.
+      FgMujocoError: what cannot be driven, or SciPy is not installed; nothing has run then.
     """
     if importlib.util.find_spec("scipy") is None:
         raise missing_extra("draws of settings need SciPy", "tune")
     require_whole("conditions", conditions, 1)
     require_whole("runs", runs, 2 * conditions)
-    given: dict[str, Any] = dict(keywords)
     friction = {"mu": as_range(mu)} if isinstance(mu, (str, tuple)) else {}
-    given |= {} if friction or mu is None else {"mu": mu}
-    base = Setup.of(setup, caller="tune", **given)
-    base = replace(base, laps=base.laps or 1, entries=(_entry(base.first, controller, assist), *base.entries[1:]))
+    base = Setup.of(setup, caller="tune", **keywords, **({} if friction or mu is None else {"mu": mu}))
+    source, same = planners.split_controller(planners.only_planner(controller), base.first.planner_settings)
+    assist = assist or (ASSIST if base.first.assist == "full" else base.first.assist)
+    first = replace(base.first, controller=source, planner_settings=same, assist=assist)
+    base = replace(base, laps=base.laps or 1, entries=(first, *base.entries[1:]))
     ranges, own = _ranges(settings, base)
     under, randomize = _conditions(base, friction, conditions)
     drawn, seed = _draws(ranges, own, runs // conditions, base.first.seed), base.first.seed
@@ -189,14 +181,6 @@ def tune(  # type: ignore[misc]  # mu is drawn here
     return found
 
 
-def _entry(first: Entry, controller: str, assist: str | None) -> Entry:
-    """Return the entry of the planner; unless an assist is given, it has that of a comparison."""
-    text = planners.only_planner(controller)
-    source, settings = planners.split_controller(text, first.planner_settings)
-    usual = ASSIST if first.assist == "full" else first.assist
-    return replace(first, controller=source, planner_settings=settings, assist=assist or usual)
-
-
 def _ranges(given: Mapping[str, Any], base: Setup) -> tuple[dict[str, Range], Draw | None]:
     """Return the ranges of settings, and the planner's own values; None: they are not known, or of another kind."""
     source, own_settings = str(base.first.controller), base.first.planner_settings
@@ -206,7 +190,6 @@ def _ranges(given: Mapping[str, Any], base: Setup) -> tuple[dict[str, Range], Dr
         known = ", ".join((*defaults, *OF_PLANNERS))
         raise SettingsError(f"no setting of {source!r} is given; accepted: LOW:HIGH or A|B, for some of {known}")
     context = base.drive_settings.context(base.first.car.parameters, ground_of(base).course.map_line)
-    # settings that depend on the car have their values in what is made
     made = getattr(planners.build_controller(factory, source, context, own_settings), "settings", None)
     defaults = {name: getattr(made, name, None) if v in (None, "") else v for name, v in defaults.items()}
     defaults |= {"max_speed": base.first.max_speed, "planner_mu": base.first.assumed_mu}
@@ -323,6 +306,6 @@ def _behind(differences: FloatArray) -> tuple[float | None, float | None]:
     from scipy.stats import t
 
     known = differences[~np.isnan(differences)]
-    if len(known) < 2:
-        return (float(known[0]) if len(known) else None), None
-    return float(known.mean()), float(t.ppf(0.975, len(known) - 1) * known.std(ddof=1) / math.sqrt(len(known)))
+    scale = known.std(ddof=1) / math.sqrt(len(known)) if len(known) > 1 else None
+    half = None if scale is None else float(t.ppf(0.975, len(known) - 1) * scale)
+    return (float(known.mean()) if len(known) else None), half

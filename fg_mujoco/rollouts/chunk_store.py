@@ -30,7 +30,7 @@ from ..errors import RunFolderError
 from ..messages import require_whole
 from ..simulation.course_loading import reload_course
 from .job import Arrays
-from .store import WRITABLE, StudyFolder, as_json, blame, digest, sealed, unsealed, warn_damaged
+from .store import WRITABLE, StudyFolder, as_json, blame, sealed, unsealed, warn_damaged
 
 TRACES = ("telemetry", "states", "ctrl", "scans")
 """Arrays of a chunk that are long, and are read only where they are asked for."""
@@ -81,7 +81,7 @@ class FolderStore(StudyFolder):
           RunFolderError: it holds something else, or cannot be written.
         """
         numbers = _numbers(tracks)
-        others = {"chunk": chunk, "tracks_sha256": _sha256(numbers), _SEAL: digest(settings, versions)}
+        others = {"chunk": chunk, "tracks_sha256": _sha256(numbers)}
         manifest = super().open(settings, versions, others=others)
         with blame(self.folder, self.accepted):
             (self.folder / _CHUNKS).mkdir(exist_ok=True)
@@ -111,7 +111,7 @@ class FolderStore(StudyFolder):
         path = self.folder / _TRACKS
         with self.blame(path), np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
-            if manifest.get("tracks_sha256", _sha256(arrays)) != _sha256(arrays):  # older versions have none
+            if manifest["tracks_sha256"] != _sha256(arrays):
                 raise ValueError("its sha256 is another")
             return arrays
 
@@ -187,9 +187,9 @@ class FolderStore(StudyFolder):
             return False
         path = self.folder / _WORLDS
         try:
-            known = self._read_summary().get("worlds_sha256")
+            known = self._read_summary()["worlds_sha256"]
             with self.blame(path):
-                if known is not None and file_sha256(path) != known:
+                if file_sha256(path) != known:
                     raise ValueError("its sha256 is another")
         except RunFolderError as error:
             warn_damaged(error)

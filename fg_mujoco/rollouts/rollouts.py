@@ -137,9 +137,6 @@ def rollout(
       MissingExtraError, EngineError: no Ray, or no cluster that can be worked with.
     """
     given: dict[str, Any] = dict(keywords) | ({} if controller is None else {"controller": controller})
-    for name in ("chunk", "memory_budget"):
-        if name in given:
-            raise SettingsError(f"{name} is of an Executor now; accepted: executor=Executor({name}={given[name]!r})")
     if isinstance(track, Setup):
         tracks, setup = None, Setup.of(track, caller="rollout", **given)
     else:

@@ -20,7 +20,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -50,31 +50,23 @@ class StudyFolder:
     Attributes:
       folder: the path.
       accepted: folders that the study writes to.
-      versions: that made it, once it is open.
       digest: SHA-256 of its settings and versions.
     """
 
     def __init__(self, folder: str | Path, *, title: str, command: str, manifest: str = "manifest.json") -> None:
         self.folder = Path(folder)
         self.accepted = f"a new or empty folder, or one of the same {title}"
-        self.versions: dict[str, str] = {}
         self.digest = ""
         self._title, self._command, self._manifest = title, command, manifest
 
     def open(
-        self,
-        settings: Mapping[str, Any],
-        versions: Mapping[str, str],
-        *,
-        any_versions: bool = False,
-        others: Mapping[str, Any] | None = None,
+        self, settings: Mapping[str, Any], versions: Mapping[str, str], *, others: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """Make the folder, or make sure that one which is there is of the same study; return its manifest.
 
         Args:
           settings: of the study, as JSON has them.
           versions: that work on it.
-          any_versions: whether to take a folder that other versions made; its rows stay theirs.
           others: what else the manifest of a new folder has.
 
         Raises:
@@ -84,14 +76,14 @@ class StudyFolder:
             path = self.folder / self._manifest
             if path.exists():
                 manifest = self.manifest(checked=False)
-                if not any_versions:  # first: on them depends which settings there are
-                    self._require_same(manifest["versions"], versions)
+                self._require_same(manifest["versions"], versions)  # first: on them depends which settings there are
                 self._require_same(manifest["settings"], settings)
                 return manifest
             if self.folder.exists() and any(self.folder.iterdir()):
                 raise RunFolderError(f"{self.folder}: is not empty; accepted: {self.accepted}")
             self.folder.mkdir(parents=True, exist_ok=True)
             manifest = {"schema": SCHEMA, "settings": dict(settings), "versions": dict(versions), **(others or {})}
+            manifest[_SEAL] = digest(settings, versions)
             write_file(path, (json.dumps(manifest, indent=2) + "\n").encode())
             return self.manifest()
 
@@ -99,7 +91,7 @@ class StudyFolder:
         """Return the settings and versions that made the folder.
 
         Args:
-          checked: whether to compare it with its checksum, if it has one.
+          checked: whether to compare it with its checksum.
 
         Raises:
           RunFolderError: it was not made by this study, or is damaged.
@@ -112,8 +104,8 @@ class StudyFolder:
             manifest = json.loads(path.read_text(encoding="utf-8"))
             if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
                 raise ValueError(f"no JSON object with schema {SCHEMA}")
-            self.versions, self.digest = manifest["versions"], digest(manifest["settings"], manifest["versions"])
-            if checked and manifest.get(_SEAL, self.digest) != self.digest:
+            self.digest = digest(manifest["settings"], manifest["versions"])
+            if checked and manifest[_SEAL] != self.digest:
                 raise ValueError("its sha256 is that of other settings or versions")
             return manifest
 
@@ -247,14 +239,12 @@ def warn_damaged(error: RunFolderError) -> None:
 
 
 def of_kind(kind: type[_Row], values: Mapping[str, Any]) -> _Row:
-    """Return a dataclass of some values by name, of which older versions wrote none that has a default.
+    """Return a dataclass of some values by name.
 
     Raises:
       KeyError: a value is missing.
       TypeError: a value is of another kind than its field.
     """
-    later = {field.name: field.default for field in fields(kind) if field.default is not MISSING}  # type: ignore[arg-type]
-    values = later | dict(values)
     for name, hint in get_type_hints(kind).items():
         value, kinds = values[name], get_args(hint) or (hint,)
         accepted = (*kinds, int) if float in kinds else kinds
@@ -280,7 +270,7 @@ def sealed(row: Mapping[str, Any], *belongs: Any) -> dict[str, Any]:
 
 
 def unsealed(row: Any, *belongs: Any) -> dict[str, Any]:
-    """Return a row of `sealed` without its checksum; rows of older versions have none.
+    """Return a row of `sealed` without its checksum.
 
     Raises:
       ValueError: it is another than was written, or belongs elsewhere.
@@ -288,7 +278,7 @@ def unsealed(row: Any, *belongs: Any) -> dict[str, Any]:
     if not isinstance(row, dict):
         raise ValueError("no JSON object")
     values = {name: value for name, value in row.items() if name != _SEAL}
-    if _SEAL in row and row[_SEAL] != digest(values, *belongs):
+    if row.get(_SEAL) != digest(values, *belongs):
         raise ValueError("its sha256 is that of other contents, or of another place")
     return values
 

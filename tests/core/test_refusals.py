@@ -377,7 +377,6 @@ CALLS = {
     "rollouts": [
         (lambda: rollout(n=None, seeds=[]), "seeds are not"),
         (lambda: rollout(n=3, seeds=[1, 2]), "n is 3 and there are 2 seeds"), (lambda: rollout([]), "no track"),
-        (lambda: rollout(chunk=4), r"chunk is of an Executor now; accepted: executor=Executor\(chunk=4\)"),
         (lambda: rollout(randomize={"mass": (0.1, 4)}), "randomize mass=0.1:4.0"),
         (lambda: rollout(randomize={"obstacles": "0:900"}), "randomize obstacles=900 on 'oval'; accepted: at most"),
         (lambda: rollout(controller=Straight()), "Straight object|is an object; accepted: a name or path"),

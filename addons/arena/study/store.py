@@ -25,7 +25,7 @@ from fg_mujoco.display import Shown, brief, escaped, paragraph, quoted
 from fg_mujoco.messages import require_whole
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.job import versions
-from fg_mujoco.rollouts.store import WRITABLE, Rows, StudyFolder, blame, claimed
+from fg_mujoco.rollouts.store import WRITABLE, StudyFolder, blame, claimed
 from fg_mujoco.rollouts.workers import time_left, work_through
 
 from ..runs.run import Run, RunRow
@@ -120,40 +120,6 @@ class Study(Shown):
         }  # fmt: skip
 
 
-class RunsFolder(StudyFolder):
-    """Keeps the rows of the finished runs.
-
-    Args:
-      folder: the path.
-
-    Attributes:
-      runs: rows that are there, by their keys; once they are read.
-    """
-
-    runs: Rows[str, RunRow]
-
-    def __init__(self, folder: str | Path) -> None:
-        super().__init__(folder, title="study", command="study")
-
-    def read(self) -> None:
-        """Read the rows of a folder that is open, and compare each with its checksum; damaged ones are dropped.
-
-        Raises:
-          RunFolderError: it cannot be read or written.
-        """
-        self.runs = self.rows(RUNS, lambda values: ((row := RunRow.of(values)).key, row))
-
-    def keep(self, run: Run, row: RunRow) -> None:
-        """Keep the row of a run.
-
-        Raises:
-          RunFolderError: it cannot be written.
-        """
-        self.runs.add(row.key, row, asdict(row))
-        if not row.checks and row.car.end_reason == "worker_died":
-            warnings.warn(f"{run}: {row.car.message}", UserWarning, stacklevel=2)
-
-
 def drive_study(
     suite: Suite,
     runs: Sequence[Run],
@@ -183,25 +149,30 @@ def drive_study(
       EngineError: a worker process could not be started.
     """
     require_whole("workers", workers, 1, optional=True)
-    folder = RunsFolder(out)
+    folder = StudyFolder(out, title="study", command="study")
     with claimed(folder):
         folder.open(settings, versions())
-        folder.read()
-        missing = [run for run in runs if run.key not in folder.runs]
+        kept = folder.rows(RUNS, lambda values: ((row := RunRow.of(values)).key, row))
+        missing = [run for run in runs if run.key not in kept]
+
+        def keep(run: Run, row: RunRow) -> None:
+            kept.add(row.key, row, asdict(row))
+            if not row.checks and row.car.end_reason == "worker_died":
+                warnings.warn(f"{run}: {row.car.message}", UserWarning, stacklevel=2)
 
         def tell(driven: int, elapsed: float) -> None:
             if watch is not None:
                 found = len(runs) - len(missing)
                 watch(StudyProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
 
-        taken = work_through(_drive, missing, folder.keep, workers=workers, watch=tell, died=_died)
+        taken = work_through(_drive, missing, keep, workers=workers, watch=tell, died=_died)
         keys = [run.key for run in runs]
-        rows = tuple(folder.runs[key] for key in keys)
+        rows = tuple(kept[key] for key in keys)
         results = Study(
             suite=suite, rows=rows, cells=cells_of(rows), folder=folder.folder, runs_driven=len(missing),
             wall_time_s=taken,
         )  # fmt: skip
-        folder.runs.sort(keys)
+        kept.sort(keys)
         with blame(folder.folder, WRITABLE):
             for name, text in results.texts().items():
                 write_file(folder.folder / name, text.encode())
