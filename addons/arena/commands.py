@@ -152,7 +152,7 @@ def bench_command(options: argparse.Namespace) -> int:
 
 @command(
     option("controller", "NAME, path/to/file.py:ClassName or a policy's file", "PLANNER", names=controller_names),
-    option("--set", "draw a setting of the planner, or max_speed, planner_mu", "NAME=RANGE", default=[], action="append"),
+    option("--set", "draw a setting of it, max_speed or planner_mu", "NAME=RANGE", default=[], action="append"),
     option("--mu", "friction of the tires, or its range: LOW:HIGH; default: of the tires' file", "MU"),
     option("--runs", f"of all draws together; default: {RUNS}", "N", whole, RUNS),
     option("--conditions", f"frictions and starts of each draw; default: {CONDITIONS}", "N", whole, CONDITIONS),
