@@ -22,6 +22,7 @@ from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # then: i
 from .arguments import explained as _explained
 from .envs import register_once_imported as _register_once_imported
 from .errors import nearest as _nearest
+from .gone import gone as _gone
 from .registry import added as _added
 
 if TYPE_CHECKING:
@@ -163,6 +164,7 @@ _ELSEWHERE = {
     "AckermannDrive": "DriveCommand", "Command": "DriveCommand",
     "StudyProgress": "fg_mujoco.addons.arena.study.store.StudyProgress",
     "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
+    "Comparison": "Study", "Overtake": "fg_mujoco.racing.rules.Overtake",
     "Odom": "Odometry", "Planner": "Controller", "cars": "vehicle_names", "env": _GYMNASIUM, "gym": _GYMNASIUM,
     "load_map": "load_track", "make": _GYMNASIUM, "make_env": _GYMNASIUM, "make_vec": _GYMNASIUM,
     "maps": "track_names", "planners": "controller_names",
@@ -187,7 +189,8 @@ def __getattr__(name: str) -> _Any:
         return _import_module(f".{name}", __name__)
     else:
         meant = None if name.startswith("_") else _ELSEWHERE.get(name) or _nearest(name, __all__)
-        raise AttributeError(f"fg_mujoco has no {name!r}" + ("" if meant is None else f"; did you mean {meant!r}?"))
+        rather = _gone(f"fg-mujoco {name}") or (None if meant is None else f"did you mean {meant!r}?")
+        raise AttributeError(f"fg_mujoco has no {name!r}" + ("" if rather is None else f"; {rather}"))
     globals()[name] = found
     return found
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from .errors import ArgumentError, SettingsError, accepted_names, nearest
+from .gone import gone
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -96,10 +97,10 @@ def _unpacked(function: Callable[..., Any], parameters: Iterable[inspect.Paramet
 
 def unknown_argument(name: str, given: str, taken: Iterable[str]) -> str:
     """Return the refusal of an argument that a function has not: those that it has, and the one that was meant."""
-    names = list(taken)
+    names = list(dict.fromkeys(taken))
     meant = nearest(given, names)
     only_within_a_word = meant is not None and given in meant and given not in meant.split("_")
-    rather = _RATHER.get(given) if meant is None or only_within_a_word else None
+    rather = gone(f"--{given}") or (_RATHER.get(given) if meant is None or only_within_a_word else None)
     accepted = accepted_names("" if rather else given, names)
     return f"{name} has no argument {given!r}; {accepted}" + (f"; {rather}" if rather else "")
 

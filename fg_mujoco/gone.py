@@ -14,7 +14,7 @@ GONE = {
     "bag --match": _MAPPING,
     "bag --resolution": _MAPPING,
     "estimate": _ESTIMATE,
-    "fg-mujoco evaluate": "`fg-mujoco compare`, whose --mu, --max-speed and --assist take several values",
+    "fg-mujoco evaluate": "`fg-mujoco compare`, with lists for --mu and --max-speed, and --assist once for each",
     "fg-mujoco grade": "`fg-mujoco study LAB.toml FILE.py`",
     "fg-mujoco league": _LEAGUE,
     "fg-mujoco map": _MAPPING,

@@ -89,10 +89,13 @@ def _print(found: Study, options: argparse.Namespace, *said: str) -> int:
         "--seed", f"{_SEEDS}; of scenes, and on tracks of obstacles and noise; default: 0:10", _seeds_in, DEFAULT_SEEDS
     ),
     _list("--max-speed", f"fastest that a planner may command [m/s]; default: {FASTEST:g}", numbers_in),
+    option(
+        "--assist", "stages between planners and cars, as of `race`, again for each that they are driven with; "
+        "default: none, so that planners are compared", "NAMES", default=argparse.SUPPRESS, action="append",
+    ),
     _list("--mu", "friction coefficients of the tires; default: of the tires' file", numbers_in),
     setup_options(
-        but=("controller", "track", "seed", "max_speed", "mu", "obstacle_seed"), laps="on tracks; default: 5",
-        assist="stages between planners and cars, as of `race`; default: none, so that planners are compared",
+        but=("controller", "track", "seed", "max_speed", "mu", "assist", "obstacle_seed"), laps="on tracks; default: 5",
         obstacles="boxes on each track, at places drawn from the seed; default: 0",
         moving="things that move on each track, at places drawn from the seed: {names}; default: nothing",
     ),
@@ -106,6 +109,8 @@ def compare_command(options: argparse.Namespace) -> int:
     lists = ("controller", "track", "seed", "max_speed", "mu")
     given = {name: value for name in lists if (value := getattr(options, name, None)) is not None}
     given["assist"] = getattr(options, "assist", None)
+    if given["assist"]:
+        options.assist = given["assist"][0]  # of opponents
     setup = setup_of(options, lists=lists)
     with shown(options, "runs", StudyProgress.counts) as watch:
         found = compare(**given, setup=setup, workers=options.workers, out=options.out, watch=watch)

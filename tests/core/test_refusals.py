@@ -223,6 +223,15 @@ def test_what_went_is_refused_with_what_serves_instead(given, here, capsys):
     assert f"{given!r} is gone; instead: {GONE[given]}" in refused(here, capsys, *words)
 
 
+def test_python_refuses_what_went_in_the_same_words():
+    with pytest.raises(ArgumentError) as refusal:
+        fg.race("oval", trust=True)
+    assert str(refusal.value).endswith(f"'--trust' is gone; instead: {GONE['--trust']}")
+    with pytest.raises(AttributeError) as refusal:
+        fg.overtake  # noqa: B018
+    assert str(refusal.value).endswith(GONE["fg-mujoco overtake"])
+
+
 # -- what several settings together cannot be, and what is meant by other words
 
 LINES = {

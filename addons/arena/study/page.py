@@ -19,6 +19,7 @@ from .tables import conditions
 
 _MOST_PICTURES = 60
 _TICK = 0.025  # [s]
+_BY_THEMSELVES = ("planner", "group", "course")  # what says itself what it is
 _BODY = """<h1>{title}</h1>{table}{legend}
 <h2>Where they drove</h2>
 <p class="note">Of each planner on each course the first run that did not succeed, or else the first, with its setup,
@@ -52,7 +53,10 @@ def _picture(row: RunRow) -> Html:
     ground = ground_of(setup)
     steps = np.hypot(*np.diff(points, axis=0).T) / (TRACE_STEP * _TICK)
     speeds = np.append(steps, steps[-1:]) if len(steps) else np.zeros(len(points))
-    words = ", ".join(str(value) for name, value in row.place.items() if value is not None and name != "drive")
+    known = {name: value for name, value in row.place.items() if value is not None and name != "drive"}
+    words = ", ".join(
+        str(v) if name in _BY_THEMSELVES else f"{name.replace('_', ' ')} {v}" for name, v in known.items()
+    )
     ended = row.figures.get("outcome") or row.car.end_reason.replace("_", " ")
     said = f"{words}: {ended}" + (f", {row.car.message}" if row.car.message else "")
     marks = [] if row.car.success or not len(points) else [(str(ended), tuple(points[-1]))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -18,7 +19,7 @@ from fg_mujoco.errors import ControllerError, FgMujocoError, SettingsError
 from fg_mujoco.messages import require_whole, shown
 from fg_mujoco.racing.entries import Entry, check_starts, grid_starts
 from fg_mujoco.racing.planner_origin import by_name, check_planner
-from fg_mujoco.racing.planners import ControllerChoice, only_planner
+from fg_mujoco.racing.planners import ControllerChoice, only_planner, with_settings
 from fg_mujoco.racing.resolved import Resolved, ground_of
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.course_loading import load_track
@@ -54,14 +55,16 @@ def plan(suite: Suite, planners: Sequence[str], *, every: int = 1, scored: bool 
         _check_drives(suite)
         return [each for planner in texts for each in _graded(suite, planner, loaded)]
     choices = [ControllerChoice.of(only_planner(each)) for each in texts]
-    require_axis("planner", [choice.label for choice in choices])
+    require_axis("planner", [with_settings(os.path.abspath(each.source), dict(each.settings)) for each in choices])
+    labels = [choice.label for choice in choices]  # a file without its folder; files of one name with it
     find = _duels if suite.kind == "duels" else _alone
     runs: list[Run] = []
     for choice in choices:
         own: list[Run] = []
+        label = choice.label if labels.count(choice.label) == 1 else with_settings(choice.source, dict(choice.settings))
         for name, given in _assists(suite, choice):
             for group in suite.groups:
-                place = {"planner": choice.label, "assist": name}
+                place = {"planner": label, "assist": name}
                 place |= {"group": group.name} if len(suite.groups) > 1 else {}
                 own += find(group, choice, place, given, loaded)
         own = list({run.key: run for run in own}.values())

@@ -184,7 +184,7 @@ _COLUMNS: Mapping[str, Column] = {
     "mean lap [s]": _fixed("mean_lap_s"),
     "of runs": lambda cell: cell["best_lap_s_of"] or None,
     "time lost [s]": _fixed("time_lost_s"), "quartiles of it [s]": _quartiles("time_lost_s"),
-    "not finished": lambda cell: cell["ends"] if cell["successes"] < cell["runs"] else None,
+    "ends": lambda cell: cell["ends"] if cell["successes"] < cell["runs"] else None,
     "collisions": _plain("collisions"), "sliding": _fixed("slide_time_fraction", ".1f", 100.0, " %"),
     "least clearance [m]": _fixed("least_clearance_m", ".3f"), "wrong way [s]": _fixed("wrong_way_time_s", ".1f"),
     "mean position": _fixed("mean_position", ".1f"), "overtakes": _plain("overtakes"), "overtaken": _plain("overtaken"),
@@ -217,5 +217,5 @@ def table_of(cells: Sequence[Cell]) -> Table:
     return Table(
         header=[*words, *(list(_COLUMNS)[place] for place in kept)],
         rows=[[*row, *(own[place] for place in kept)] for row, own in zip(rows, values, strict=True)],
-        left=[*words, "not finished"], legend=_LEGEND + (_SCORED if scored else ""),
+        left=[*words, "ends"], legend=_LEGEND + (_SCORED if scored else ""),
     )  # fmt: skip

@@ -313,6 +313,10 @@ def test_planners_are_compared_without_stages_unless_they_or_the_call_ask_for_so
     assert [row.place["assist"] for row in both.rows] == ["none", "full", "none"]
     assert both.rows[1].trajectory_sha256 == fg.race("oval", laps=1, time_limit=0.2).trajectory_sha256
     assert both.head == "comparison: 3 runs, assist none, full"
+    words = "compare --controller gap_finder --track oval --laps 1 --time-limit 0.2 --seed 0 --out called"
+    main([*words.split(), "--assist", "none", "--assist", "full"])
+    text = (here / "called" / "table.html").read_text("utf-8")
+    assert text.count("comparison: 2 runs, assist none, full") == 2 and "gap_finder, assist full, oval" in text
 
 
 def test_a_file_is_called_as_races_call_it_and_a_second_of_its_name_by_its_path(here):
@@ -324,6 +328,12 @@ def test_a_file_is_called_as_races_call_it_and_a_second_of_its_name_by_its_path(
     found = fg.compare(f"{here}/planners.py:Gentle", track=tracks, laps=1, time_limit=0.2, workers=1, out="out")
     assert [row.place["course"] for row in found.rows] == ["hall", "../../others/hall.csv"]
     assert found.rows[0].place["course"] == fg.load_track("../hall.csv").name
+    planners = [f"{here}/planners.py:Gentle", "planners.py:Gentle"]
+    (here / "maps" / "deep" / "planners.py").write_text(PLANNERS)
+    found = fg.compare(planners, track="oval", laps=1, time_limit=0.2, workers=1, out="out")
+    assert [row.planner for row in found.rows] == planners
+    with pytest.raises(fg.SettingsError, match="is given twice"):
+        fg.compare([planners[1], f"./{planners[1]}"], track="oval", out="out")
     assert set(files(here / "maps" / "deep" / "out")) == {
         "manifest.json", "runs.csv", "runs.jsonl", "table.csv", "table.html", "table.md"
     }  # fmt: skip
