@@ -75,7 +75,9 @@ class Tuning:
         first, *others = self.rows
         safe = f"safe in {first['safe']} of {first['runs']} runs"
         if self.best is None:
-            return f"no draw is safe in all of its runs; the first is {safe}, and untouched in {first['untouched']}"
+            free = first["assist"] == "none" and first["untouched"] > first["safe"]
+            slides = "; --assist grip limits commands to the grip" if free else ""
+            return f"no draw is safe in all of its runs; the first is {safe}, untouched in {first['untouched']}{slides}"
         same = [row for row in others if row["safe"] == first["safe"]]
         close = [row for row in same if row["noise_s"] is None or row["behind_s"] <= row["noise_s"]]
         more = f"; {len(close)} more are as safe, and no slower at 95 %" if close else ""
