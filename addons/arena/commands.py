@@ -38,6 +38,7 @@ from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.store import as_json
 from fg_mujoco.simulation.settings import FASTEST
 
+from .runs.run import FAILURES
 from .study.functions import DEFAULT_SEEDS, REACTIVE, compare, study
 from .study.store import PAGE, Study, StudyProgress
 from .study.suite import read_suite
@@ -73,6 +74,10 @@ def _print(found: Study, options: argparse.Namespace, *said: str) -> int:
     written = "" if options.out is None else f"; page: {Path(options.out) / PAGE}"
     passed = [found.passed(each) for each in found.sums]
     lines = [found.markdown(), f"{len(found.rows)} runs{by_earlier}{written}", *said]
+    of_planners = [row for row in reversed(found.rows) if row.car.end_reason in (*FAILURES, "failed")]
+    if not passed:  # the table of a lab says it
+        failed = {row.planner: row.car.message for row in of_planners}
+        lines += [f"{planner} failed, first: {failed[planner]}" for planner in reversed(failed)]
     if passed:
         lines.append(f"{found.suite.name}: {sum(passed)} of {len(passed)} passed")
     print(as_json(found.summary()) if options.json else "\n".join(lines))

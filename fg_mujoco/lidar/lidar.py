@@ -126,7 +126,7 @@ class RaycastLidar:
         return readings
 
     def ranges_along(self, bearings: FloatArray, positions: FloatArray, rotations: FloatArray) -> FloatArray:
-        """Return the readings of beams at bearings (n,) [rad], evenly spaced, with all bodies at poses of their own."""
+        """Return readings at even bearings (n,) [rad], bodies at positions (m, 3) [m] and rotations (m, 3, 3)."""
         readings = np.empty(len(bearings))
         step = (bearings[-1] - bearings[0]) / max(len(bearings) - 1, 1)
         limits = np.array((bearings[0], step or self.beams.angle_increment, self.beams.range_min, self.beams.range_max))

@@ -44,7 +44,7 @@ def debug(
     window: float = WINDOW,
     controller: str | None = None,
 ) -> DebuggedRun:
-    """Return the decisions of a run round a time, each with its scan, its command, and what held it.
+    """Return the decisions of a run folder, a Run or a RaceResult round a time, each with its scan and what held it.
 
     The run is driven again and a planner is called along with it: of a race that was driven in this process its own, of
     a run folder the `controller` that is named, whose settings without brackets are those recorded. Without one there

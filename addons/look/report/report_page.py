@@ -60,11 +60,12 @@ def write_report(
     clip_seconds: float | None = CLIP_SECONDS,
     watch: Callable[[int, int, str], None] | None = None,
 ) -> Path:
-    """Write the report of a run, whole, in the place of one that may be there, and return its path.
+    """Write the report of a run folder, a Run or a RaceResult, in place of one that may be there, and return its path.
 
-    Its video is of `clip_seconds`, None for none; `watch` is told how many of its frames are done, of how many, and the
-    word "frame". Raises RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version;
-    or the page cannot be written; MissingExtraError: bokeh is not installed.
+    `notes` are lines of HTML under the result, and with `share_library` bokeh's JavaScript is a file beside the page.
+    Its video is of `clip_seconds` [s], None for none; `watch` is told how many of its frames are done, of how many, and
+    the word "frame". Raises RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another
+    version; or the page cannot be written; MissingExtraError: bokeh is not installed.
     """
     require_bokeh()
     run = read_recorded(source)

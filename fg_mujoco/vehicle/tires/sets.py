@@ -201,7 +201,7 @@ class Tires:
         return self.is_contact or self.friction == OF_VEHICLE
 
     def on(self, front: float, rear: float | None = None) -> Tires:
-        """Return the set on a vehicle with these frictions of its axles [-], to which one that is of it is scaled."""
+        """Return the set on a vehicle of these frictions [-], to which its own is scaled; no rear: as in front."""
         if self.is_contact or not self._of_vehicle:
             return self
         frictions = front, front if rear is None else rear

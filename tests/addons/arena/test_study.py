@@ -96,12 +96,15 @@ def test_wrong_way_time_counts_what_goes_back_faster_than_jitter():
     assert wrong_way_time(time[:0], time[:0]) == 0.0
 
 
-def test_a_planner_that_fails_is_a_row_and_the_others_go_on():
+def test_a_planner_that_fails_is_a_row_and_the_others_go_on(capsys):
     comparison = compare(seed=[0])
     assert [row.car.end_reason for row in comparison.rows] == ["time_limit", "time_limit", "planner_failed"]
     failed = comparison.rows[-1].car
     assert failed.message == f"ValueError: no more (planners.py, line {FAILS_AT}), t = 0.200 s"
     assert failed.time_s == pytest.approx(0.2) and failed.distance_m > 0.0 and not failed.success
+    words = "compare --controller planners.py:Broken --track oval --laps 1 --time-limit 0.6 --out told"
+    assert main(words.split()) == 0
+    assert capsys.readouterr().out.count(f"planners.py:Broken failed, first: {failed.message}\n") == 1
 
 
 def test_the_clearance_to_what_moves_is_that_of_its_time():
