@@ -122,7 +122,7 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any]) -> Setup:
             own = dict(choice.settings) | dict(entry.planner_settings or {})
             if index or "controller" not in given:
                 require_bundled(choice.source, own, where=where, option=option)
-            elif ControllerChoice.of(given["controller"]).settings:
+            elif not isinstance(given["controller"], str) or ControllerChoice.of(given["controller"]).settings:
                 setup = setup.with_cars(planner_settings={})
             else:
                 require_no_file(choice.source, entry.planner_settings or {}, where=where)

@@ -107,6 +107,15 @@ def test_a_planner_that_fails_is_a_row_and_the_others_go_on(capsys):
     assert capsys.readouterr().out.count(f"planners.py:Broken failed, first: {failed.message}\n") == 1
 
 
+def test_a_comparison_has_the_settings_of_a_run_folder_and_its_own_planners(capsys):
+    fg.write_run(fg.race("oval", "planners.py:Gentle", laps=1, time_limit=0.2, mu=0.7), "raced")
+    words = ["compare", "--config", "raced", "--track", "oval", "--seed", "0", "--out"]
+    assert main([*words, "some", "--controller", "gap_finder,planners.py:Gentle"]) == 0
+    assert main([*words, "bundled"]) == 0  # the planner of the folder is none of them
+    out = capsys.readouterr().out
+    assert out.count("comparison: 2 runs") == 1 and out.count("planners.py:Gentle") == 1 and out.count("mu 0.7;") == 2
+
+
 def test_the_clearance_to_what_moves_is_that_of_its_time():
     crossing = MovingObstacle(length=0.4, width=0.4, start=(2.0, -4.0), end=(2.0, 4.0), speed=1.0)
     scene = Scene(name="test", way=np.array([[-3.0, 0.0], [20.0, 0.0]]), start=3.0, goal=15.0,
