@@ -218,9 +218,9 @@ def start_on(track: Track, car: CarParameters, lane: str, s: float) -> Start:
 
 
 def write_line(path: Path, points: FloatArray) -> None:
-    """Write a line (n, 2) [m] as pure_pursuit reads one: a centreline's CSV, widths 0."""
-    rows = "".join(f"{x!r}, {y!r}, 0.0, 0.0\n" for x, y in points.tolist())
-    path.write_text(f"# x_m, y_m, w_tr_right_m, w_tr_left_m\n{rows}", encoding="utf-8")
+    """Write a line (n, 2) [m] as pure_pursuit reads one."""
+    rows = "".join(f"{x!r}, {y!r}\n" for x, y in points.tolist())
+    path.write_text(f"# x_m, y_m\n{rows}", encoding="utf-8")
 
 
 def least_curvature(track: Track, car: CarParameters, lane: tuple[float, float] = (-1.0, 1.0)) -> FloatArray:

@@ -60,18 +60,18 @@ def plan(suite: Suite, planners: Sequence[str], *, every: int = 1, scored: bool 
     find = _duels if suite.kind == "duels" else _alone
     runs: list[Run] = []
     for choice in choices:
-        own: list[Run] = []
         label = choice.label if labels.count(choice.label) == 1 else with_settings(choice.source, dict(choice.settings))
         for name, given in _assists(suite, choice):
+            own: list[Run] = []
             for group in suite.groups:
                 place = {"planner": label, "assist": name}
                 place |= {"group": group.name} if len(suite.groups) > 1 else {}
                 own += find(group, choice, place, given, loaded)
-        own = list({run.key: run for run in own}.values())
-        if every > 1:  # drawn by lot: axes have a rhythm
-            drawn = np.random.default_rng(0).permutation(len(own))[: math.ceil(len(own) / every)]
-            own = [own[i] for i in sorted(drawn.tolist())]
-        runs += own
+            own = list({run.key: run for run in own}.values())
+            if every > 1:  # drawn by lot, since axes have a rhythm; the same lots for each assist
+                drawn = np.random.default_rng(0).permutation(len(own))[: math.ceil(len(own) / every)]
+                own = [own[i] for i in sorted(drawn.tolist())]
+            runs += own
     return [replace(run, scored=scored) for run in runs]
 
 

@@ -1,6 +1,7 @@
 """Duels behind slower cars: what counts, who is to blame, lanes in closed form, and suites of them."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from fg_mujoco.addons.arena.runs.slower_cars import (
 from fg_mujoco.addons.arena.study.functions import study
 from fg_mujoco.addons.arena.study.plan import plan
 from fg_mujoco.addons.arena.study.suite import read_suite
+from fg_mujoco.cli.main import main
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.rollouts.shares import wilson
 
@@ -148,6 +150,13 @@ def test_a_study_of_duels_has_a_cell_of_their_outcomes(tmp_path):
     assert cell["successes"] == sum(row.figures["outcome"] == "overtaken" for row in found.rows)
 
 
+def test_a_duel_that_is_decided_is_no_failure_and_its_opponents_line_no_news(tmp_path, capsys):
+    (tmp_path / "duels.toml").write_text(SUITE.replace("centreline", "raceline").replace("0, 1", "0"))
+    assert main(["study", str(tmp_path / "duels.toml"), "overtaker"]) == 0
+    said = capsys.readouterr()
+    assert "failed" not in said.out and said.err == ""
+
+
 def test_a_planner_that_knows_its_opponent_is_told_where_it_is(tmp_path):
     told = tmp_path / "told.py"
     told.write_text("from fg_mujoco.messages import DriveCommand\n\n\n"
@@ -169,6 +178,8 @@ def test_the_example_has_the_2400_duels_of_its_source_each_once():
     assert len(few) == 100 and {run.place["speed"] for run in few} == {0.5, 0.6, 0.7, 0.8}
     assert {run.place["opponent"] for run in few} == {"right", "middle", "left"}
     assert [run.key for run in few] == [run.key for run in plan(suite, ["overtaker"], every=24)]
+    both = plan(replace(suite, assists=("safe", "full")), ["overtaker"], every=24)  # each in the same conditions
+    assert [run.place | {"assist": ""} for run in both] == 2 * [run.place | {"assist": ""} for run in few]
 
 
 def test_a_planner_that_stands_is_safe_and_behind_and_one_that_rams_is_not(tmp_path):
