@@ -55,7 +55,7 @@ def plan(suite: Suite, planners: Sequence[str], *, every: int = 1, scored: bool 
         _check_drives(suite)
         return [each for planner in texts for each in _graded(suite, planner, loaded)]
     choices = [ControllerChoice.of(only_planner(each)) for each in texts]
-    require_axis("planner", [with_settings(os.path.abspath(each.source), dict(each.settings)) for each in choices])
+    require_axis("planner", [with_settings(os.path.relpath(each.source), dict(each.settings)) for each in choices])
     labels = [choice.label for choice in choices]  # a file without its folder; files of one name with it
     find = _duels if suite.kind == "duels" else _alone
     runs: list[Run] = []
