@@ -255,7 +255,7 @@ def test_sigterm_ends_a_command_as_ctrl_c_does_and_leaves_no_temporary_folder(mo
             os.kill(os.getpid(), signal.SIGTERM)
             time.sleep(5.0)
 
-    monkeypatch.setattr(cli, "parse", lambda *_: argparse.Namespace(run=run, command="bag"))
+    monkeypatch.setattr(cli._Parser, "parse_args", lambda *_: argparse.Namespace(run=run, command="bag"))
     before = signal.signal(signal.SIGTERM, signal.SIG_DFL)  # another test's library may have set one
     try:
         assert cli.main([]) == 143

@@ -388,7 +388,8 @@ def test_the_command_is_the_function(here, capsys):
                           track=["oval", "l_corridor"], seed=[1, 2], max_speed=[4.0], obstacles=1, lidar_noise=0.01,
                           laps=1, mu=0.9, planner_mu=float("inf"), time_limit=0.3, workers=1, out="mine")  # fmt: skip
     assert files(here / "out") == files(here / "mine")
-    assert out == f"{expected.markdown()}\n8 runs; page: out/table.html\nmu 0.9; the planner has no limit\n"
+    said = f"mu 0.9; the planner has no limit\nplanners.py:Broken failed, first: {expected.rows[-1].car.message}\n"
+    assert out == f"{expected.markdown()}\n8 runs; page: out/table.html\n{said}"
     assert "\x1b" not in err  # what planners print is there, and no progress
 
 
