@@ -27,7 +27,7 @@ from fg_mujoco.messages import FloatArray, require_whole
 from fg_mujoco.pictures.pages.figure_kit import COLOURS, finish, render, require_matplotlib
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing import planners
-from fg_mujoco.racing.entries import check_starts
+from fg_mujoco.racing.entries import Entry, check_starts
 from fg_mujoco.racing.planners import Value
 from fg_mujoco.racing.randomization import OF_PLANNERS, PLANNER, Choice, Range, Uniform, as_range, world_seeds
 from fg_mujoco.racing.resolved import ground_of
@@ -293,7 +293,9 @@ def _tuning(base: Setup, result: RolloutResult, drawn: Sequence[Draw], own: Draw
     source, same = str(first.controller), dict(first.planner_settings)
     of_planner = {name.removeprefix(PLANNER): v for name, v in best.items() if name.startswith(PLANNER)}
     options = [f'--controller "{planners.with_settings(source, same | of_planner)}"', f"--assist {first.assist}"]
-    options += [f"--{name.replace('_', '-')} {best[name]}" for name in OF_PLANNERS if name in best]
+    told = {name: best.get(name, getattr(first, name)) for name in OF_PLANNERS}  # drawn, or of the setup
+    plain = {name: getattr(Entry(), name) for name in told if name not in best}
+    options += [f"--{name.replace('_', '-')} {told[name]}" for name in told if (name, told[name]) not in plain.items()]
     head = (
         f"{planners.with_settings(Path(source).name, same)} on {result.tracks[0].name}, assist "
         f"{', '.join(dict.fromkeys(str(row['assist']) for row in rows))}: {len(drawn)} draws of "

@@ -108,6 +108,8 @@ def test_the_line_to_paste_is_read_back_and_there_is_none_if_no_draw_is_safe(cap
     choice = ControllerChoice.of(words[1])
     assert dict(choice.settings) == {"gain": found["draws"][0]["planner.gain"]}
     assert float(words[5]) == found["draws"][0]["max_speed"]
+    assert tuned("--set gain=.4:.6 --planner-mu .6 --runs 4 --conditions 2", "mine.py:Mine") == 0
+    assert capsys.readouterr().out.endswith(" --assist none --planner-mu 0.6\n")  # of the runs' own options
     assert tuned("--set speed=1:2 --runs 4 --conditions 2", "mine.py:plan[blind=true]") == 1
     said = capsys.readouterr().out
     assert "no draw is safe in all of its runs" in said and "--controller" not in said
