@@ -74,13 +74,13 @@ def _print(found: Study, options: argparse.Namespace, *said: str) -> int:
     written = "" if options.out is None else f"; page: {Path(options.out) / PAGE}"
     passed = [found.passed(each) for each in found.sums]
     lines = [found.markdown(), f"{len(found.rows)} runs{by_earlier}{written}", *said]
-    ends = (*FAILURES, "failed")  # a duel that is decided is interrupted, and has no message
-    if not passed:  # the table of a lab says it
+    if passed:  # the table of a lab says why one failed
+        lines.append(f"{found.suite.name}: {sum(passed)} of {len(passed)} passed")
+    else:
+        ends = (*FAILURES, "failed")  # a duel that is decided is interrupted, and has no message
         of_planners = [row for row in reversed(found.rows) if row.car.end_reason in ends and row.car.message]
         failed = {row.planner: row.car.message for row in of_planners}
         lines += [f"{planner} failed, first: {failed[planner]}" for planner in reversed(failed)]
-    if passed:
-        lines.append(f"{found.suite.name}: {sum(passed)} of {len(passed)} passed")
     print(as_json(found.summary()) if options.json else "\n".join(lines))
     return _DONE if all(passed) and (passed or not found.failed) else _NOT_DONE
 

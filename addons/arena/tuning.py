@@ -293,9 +293,9 @@ def _tuning(base: Setup, result: RolloutResult, drawn: Sequence[Draw], own: Draw
     source, same = str(first.controller), dict(first.planner_settings)
     of_planner = {name.removeprefix(PLANNER): v for name, v in best.items() if name.startswith(PLANNER)}
     options = [f'--controller "{planners.with_settings(source, same | of_planner)}"', f"--assist {first.assist}"]
-    told = {name: best.get(name, getattr(first, name)) for name in OF_PLANNERS}  # drawn, or of the setup
-    plain = {name: getattr(Entry(), name) for name in told if name not in best}
-    options += [f"--{name.replace('_', '-')} {told[name]}" for name in told if (name, told[name]) not in plain.items()]
+    given = {name: value for name in OF_PLANNERS if (value := getattr(first, name)) != getattr(Entry(), name)}
+    told = given | {name: best[name] for name in OF_PLANNERS if name in best}
+    options += [f"--{name.replace('_', '-')} {value}" for name, value in told.items()]
     head = (
         f"{planners.with_settings(Path(source).name, same)} on {result.tracks[0].name}, assist "
         f"{', '.join(dict.fromkeys(str(row['assist']) for row in rows))}: {len(drawn)} draws of "
