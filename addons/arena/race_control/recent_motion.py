@@ -192,7 +192,7 @@ class RecentMotion:
     @cached_property
     def _line(self) -> tuple[FloatArray, FloatArray]:
         """The middles of the segments of the course's line, by progress [m], and their directions, unwrapped [rad]."""
-        starts, _, _, dx, dy, squared = self._engine.world_of(self._world).track.table
+        starts, _, _, dx, dy, squared = self._engine.world_of(self._world).track.table[:6]  # without sections of bends
         return starts + 0.5 * np.sqrt(squared), np.unwrap(np.arctan2(dy, dx))
 
     def _directions(self, s: FloatArray) -> FloatArray:

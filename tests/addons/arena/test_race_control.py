@@ -53,6 +53,12 @@ def overtaken():
     return race("oval", entries=entries, laps=1, time_limit=4.0)
 
 
+def test_a_touch_on_a_course_whose_bends_have_sections_is_judged():
+    """The table of such a course has more rows than that of its line."""
+    (contact,) = race("l_corridor", entries=[entry("slow", 0.3, 1.5), entry("fast", 1.5, 0.0)], time_limit=2.0).contacts
+    assert contact.at_fault == "fast"
+
+
 def test_an_overtake_is_half_a_length_ahead_held_for_a_second(overtaken):
     (overtake,) = overtaken.overtakes
     assert (overtake.by, overtake.of) == ("fast", "slow")
