@@ -28,13 +28,13 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.slip import arc_angle, slip_angle, steady_arc, steered, tightest_arc, velocity_angle
 from fg_mujoco.controllers.control.speed import friction_steering, share_of_way
-from fg_mujoco.controllers.control.stages import Stage
+from fg_mujoco.controllers.control.stages import Stage, Tick
 from fg_mujoco.controllers.control.steering import late_by, saturate
 from fg_mujoco.controllers.perception.scan_geometry import period_of
 from fg_mujoco.messages import FloatArray
 
 from .line_profile import LEFT, RIGHT, ROOM, SPEED, STEP, X, Y, next_point
-from .line_trackers import OFF_LINE, curvature_at, direction_at, is_ahead, own_line
+from .line_trackers import OFF_LINE, curvature_at, direction_at, is_ahead
 from .ltv_program import COUPLED, FIRST, HIGH, INPUT, LAST, LOW, MOST_ITERATIONS, SOFTNESS, solve_program
 
 STEPS, DT = 20, 0.05  # of the horizon, and [s] of each
@@ -348,16 +348,14 @@ def _bound(
 
 
 @kernel
-def _track(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Steer by a plan near the line, and slow where it leaves the room there; arguments as in stages."""
-    driver, reference = tick.driver, tick.reference
-    planned, stage_state.planned = stage_state.planned, False
+def _track(tick: Tick) -> None:
+    """Steer by a plan near the line, and slow where it leaves the room there."""
+    driver, reference, state = tick.driver, tick.reference, tick.state
+    planned, state.planned = state.planned, False
     if is_ahead(reference) and reference.off_line < (ROOM if planned else OFF_LINE):
-        stage_state.planned, line = planned, own_line(driver, lines)
+        state.planned = planned
         reference.steering_angle, speed, reference.plan = plan_steering(
-            line, reference.point, tick.odometry, driver, period_of(geometry), stage_state
+            tick.line, reference.point, tick.odometry, driver, period_of(tick.geometry), state
         )
         reference.speed, reference.own_speed = min(reference.speed, speed), min(reference.own_speed, speed)
 

@@ -22,7 +22,7 @@ import math
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.slip import steady_arc, velocity_angle
-from fg_mujoco.controllers.control.stages import Stage
+from fg_mujoco.controllers.control.stages import Stage, Tick
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.control.tracking import LAG
 from fg_mujoco.messages import FloatArray
@@ -111,49 +111,37 @@ def map_steering(
 
 
 @kernel
-def own_line(driver: Record, lines: FloatArray) -> FloatArray:
-    """Return the line of a planner among the lines of its batch."""
-    return lines[driver.line_first : driver.line_end]
-
-
-@kernel
 def is_ahead(reference: Record) -> bool:
     """Return whether the car has a goal on its line, and does not turn round for it."""
     return bool(abs(reference.bearing) <= 0.5 * math.pi)
 
 
 @kernel
-def _track_by_stanley(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Steer by Stanley's law near the line; arguments as in stages."""
+def _track_by_stanley(tick: Tick) -> None:
+    """Steer by Stanley's law near the line."""
     driver, reference = tick.driver, tick.reference
     if is_ahead(reference) and reference.off_line < OFF_LINE:
-        line, point, (x, y, heading) = own_line(driver, lines), reference.point, tick.odometry.pose
+        line, point, (x, y, heading) = tick.line, reference.point, tick.odometry.pose
         now = min(abs(tick.odometry.speed), driver.car.max_speed)
         reference.steering_angle = stanley_steering(line, point, x, y, heading, now, driver.car)
 
 
 @kernel
-def _track_by_lqr(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Steer by the regulator near the line; arguments as in stages."""
+def _track_by_lqr(tick: Tick) -> None:
+    """Steer by the regulator near the line."""
     driver, reference = tick.driver, tick.reference
     if is_ahead(reference) and reference.off_line < OFF_LINE:
-        line, point, (x, y, heading) = own_line(driver, lines), reference.point, tick.odometry.pose
+        line, point, (x, y, heading) = tick.line, reference.point, tick.odometry.pose
         now = min(abs(tick.odometry.speed), driver.car.max_speed)
         reference.steering_angle = lqr_steering(line, point, x, y, heading, now, driver.car)
 
 
 @kernel
-def _track_by_map(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Steer by model- and acceleration-based pursuit; arguments as in stages."""
+def _track_by_map(tick: Tick) -> None:
+    """Steer by model- and acceleration-based pursuit."""
     driver, reference = tick.driver, tick.reference
     if is_ahead(reference):
-        line, point = own_line(driver, lines), reference.point
+        line, point = tick.line, reference.point
         now = min(abs(tick.odometry.speed), driver.car.max_speed)
         reference.steering_angle = map_steering(
             line, point, reference.bearing, reference.distance, now, driver.car, driver.limiter.slip

@@ -57,7 +57,7 @@ from .reasons import (
 from .reasons import GUIDANCE as GUIDED
 from .slip import held_arc, late_on_path, to_velocity_frame
 from .speed import distance_ahead_speed, friction_speed
-from .stages import Stage
+from .stages import Stage, Tick
 from .steering import late_by, saturate
 from .tracking import steer_along
 
@@ -69,18 +69,15 @@ _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 
 @kernel
-def predict(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Track what moves, and take it out of the scan; arguments as in stages."""
-    foresee(geometry, ranges, ranges_without_movers, tick.odometry, tick.driver, tick.memory.predictions)
+def predict(tick: Tick) -> None:
+    """Track what moves, and take it out of the scan."""
+    ranges, without_movers = tick.ranges, tick.ranges_without_movers
+    foresee(tick.geometry, ranges, without_movers, tick.odometry, tick.driver, tick.memory.predictions)
 
 
 @kernel
-def begin(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Begin a decision: its reasons, the velocity frame, and the speedometer; arguments as in stages."""
+def begin(tick: Tick) -> None:
+    """Begin a decision: its reasons, the velocity frame, and the speedometer."""
     driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
     reasons, slip, frame, geometry = memory.reasons, driver.limiter.slip, memory.velocity_frame, tick.geometry
     forget_reasons(reasons)
@@ -88,7 +85,7 @@ def begin(  # type: ignore[no-untyped-def]
         command = memory.speedometer.command * (1.0 + memory.speedometer.error)
         command += frame.excess if command != 0.0 else 0.0
         memory.limiter.curvature = to_velocity_frame(slip, driver.car, geometry, odometry, command, frame)
-        tick.geometry, tick.odometry = frame.geometry, frame.odometry
+        tick.record.geometry, tick.record.odometry = frame.geometry, frame.odometry
         reference.bearing -= frame.angle
     log_step(reasons, MAXIMUM, math.nan, driver.max_speed)
     log_step(reasons, PLANNER, reference.steering_angle, reference.own_speed)
@@ -101,10 +98,8 @@ def begin(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def guide_reference(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Replace a reference that does not lead on, and decide while the car turns in moves; arguments as in stages."""
+def guide_reference(tick: Tick) -> None:
+    """Replace a reference that does not lead on, and decide while the car turns in moves."""
     driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
     geometry, turning = tick.geometry, memory.guidance.turning
     if memory.predictions.count > 0:
@@ -114,7 +109,7 @@ def guide_reference(  # type: ignore[no-untyped-def]
                 turning.active = False
     own_reference = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
     settings, guidance = driver.guidance_settings, memory.guidance
-    follow_frontier(geometry, ranges_without_cars, odometry, driver.limiter, settings, guidance, reference)
+    follow_frontier(geometry, tick.ranges_without_cars, odometry, driver.limiter, settings, guidance, reference)
     if reference.lane_points > 0:
         reference.steering_angle, reference.speed, reference.bearing, reference.distance = own_reference
     log_step(memory.reasons, GUIDED, reference.steering_angle, reference.speed)
@@ -122,137 +117,119 @@ def guide_reference(  # type: ignore[no-untyped-def]
         log_step(memory.reasons, MOVES, turning.steering_angle, turning.speed)
         extend_path_history(geometry, odometry, driver, memory)
         least = driver.limiter.settings.least_lateral_use
-        command[0], command[1] = apply_limits(
+        tick.command[0], tick.command[1] = apply_limits(
             geometry, odometry, driver, memory, turning.steering_angle, turning.speed, least
         )
-        tick.decided = True
+        tick.record.decided = True
 
 
 @kernel
-def drive(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Write the reference as the command, as far as the wheels can be turned; arguments as in stages."""
-    if tick.decided:
+def drive(tick: Tick) -> None:
+    """Write the reference as the command, as far as the wheels can be turned."""
+    if tick.record.decided:
         return
     if _sees_no_way(tick):
-        _stand(tick, command)
+        _stand(tick)
     else:
-        _steer(tick, _by_laws(ranges, tick), command)
+        _steer(tick, _by_laws(tick))
 
 
 @kernel
-def drive_held(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Write the command nearest to the reference that the friction limiter allows; arguments as in stages."""
-    if not _is_decided(tick, command):
-        _follow(tick, _by_laws(ranges, tick), command)
+def drive_held(tick: Tick) -> None:
+    """Write the command nearest to the reference that the friction limiter allows."""
+    if not _is_decided(tick):
+        _follow(tick, _by_laws(tick))
 
 
 @kernel
-def drive_in_sight(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Write the command of a car that can stop within what it sees; arguments as in stages."""
-    if _is_decided(tick, command):
+def drive_in_sight(tick: Tick) -> None:
+    """Write the command of a car that can stop within what it sees."""
+    if _is_decided(tick):
         return
-    reference, table = tick.reference, trajectories[tick.driver.trajectories]
-    widened = widen_all(ranges, tick.geometry.angle_increment, table.radius)
-    speed = min(_by_laws(ranges, tick), _in_sight(tick, widened, table))
-    log_step(tick.memory.reasons, SIGHT, reference.steering_angle, speed)
-    _follow(tick, speed, command)
+    widened = widen_all(tick.ranges, tick.geometry.angle_increment, tick.trajectories.radius)
+    speed = min(_by_laws(tick), _in_sight(tick, widened))
+    log_step(tick.memory.reasons, SIGHT, tick.reference.steering_angle, speed)
+    _follow(tick, speed)
 
 
 @kernel
-def drive_filtered(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Write the command for a reference that passes the safety filter, or for one that does; arguments as in stages."""
-    if _is_decided(tick, command):
+def drive_filtered(tick: Tick) -> None:
+    """Write the command for a reference that passes the safety filter, or for one that does."""
+    if _is_decided(tick):
         return
-    geometry, odometry, reference, driver, memory = (
-        tick.geometry, tick.odometry, tick.reference, tick.driver, tick.memory
-    )  # fmt: skip
-    speed = _by_laws(ranges, tick)
-    table = trajectories[driver.trajectories]
+    speed, driver, memory = _by_laws(tick), tick.driver, tick.memory
     angle = memory.velocity_frame.angle if driver.limiter.slip.needs_slip_angle else 0.0
     predictions = turned(memory.predictions, angle)
-    surroundings = ranges_without_movers if len(predictions) > 0 else ranges
-    widened = widen_all(surroundings, geometry.angle_increment, table.radius)
-    extend_path_history(geometry, odometry, driver, memory)
-    command[0], command[1] = _drive_filtered(
-        geometry, widened, odometry, driver, memory, reference.steering_angle, speed, _in_sight(tick, widened, table),
-        predictions, table.radius, reference.lane[: reference.lane_points], reference.bearing, reference.distance,
-    )  # fmt: skip
+    surroundings = tick.ranges_without_movers if len(predictions) > 0 else tick.ranges
+    widened = widen_all(surroundings, tick.geometry.angle_increment, tick.trajectories.radius)
+    extend_path_history(tick.geometry, tick.odometry, driver, memory)
+    tick.command[0], tick.command[1] = _drive_filtered(tick, widened, speed, _in_sight(tick, widened), predictions)
 
 
 @kernel
-def _is_decided(tick: Record, command: FloatArray) -> bool:
+def _is_decided(tick: Tick) -> bool:
     """Return whether there is a command: another stage has decided, or the car brakes, as there is no way."""
-    if tick.decided:
+    if tick.record.decided:
         return True
     if not _sees_no_way(tick):
         return False
     if tick.driver.has_limiter:
-        command[0], command[1] = _brake(tick.geometry, tick.odometry, tick.driver, tick.memory)
+        tick.command[0], tick.command[1] = _brake(tick.geometry, tick.odometry, tick.driver, tick.memory)
     else:
-        _stand(tick, command)
+        _stand(tick)
     return True
 
 
 @kernel
-def _follow(tick: Record, speed: float, command: FloatArray) -> None:
+def _follow(tick: Tick, speed: float) -> None:
     """Write the command that follows the reference at a speed [m/s], as far as the car has a friction limiter."""
     driver = tick.driver
     if driver.has_limiter:
         steering_angle, least = tick.reference.steering_angle, driver.limiter.settings.least_lateral_use
-        command[0], command[1] = apply_limits(
+        tick.command[0], tick.command[1] = apply_limits(
             tick.geometry, tick.odometry, driver, tick.memory, steering_angle, speed, least
         )  # fmt: skip
     else:
-        _steer(tick, speed, command)
+        _steer(tick, speed)
 
 
 @kernel
-def _steer(tick: Record, speed: float, command: FloatArray) -> None:
+def _steer(tick: Tick, speed: float) -> None:
     """Write the reference's steering angle, as far as the wheels can be turned, and a speed [m/s] as the command."""
-    command[0] = saturate(tick.reference.steering_angle, tick.driver.car.max_steering_angle)
-    command[1] = speed
-    log_step(tick.memory.reasons, LOCK, command[0], speed)
+    tick.command[0] = saturate(tick.reference.steering_angle, tick.driver.car.max_steering_angle)
+    tick.command[1] = speed
+    log_step(tick.memory.reasons, LOCK, tick.command[0], speed)
 
 
 @kernel
-def _stand(tick: Record, command: FloatArray) -> None:
+def _stand(tick: Tick) -> None:
     """Write the command of a car without a friction limiter that sees no way: it stops."""
     log_step(tick.memory.reasons, NO_REFERENCE, 0.0, 0.0)
-    command[0] = command[1] = 0.0
+    tick.command[0] = tick.command[1] = 0.0
 
 
 @kernel
-def _sees_no_way(tick: Record) -> bool:
+def _sees_no_way(tick: Tick) -> bool:
     """Return whether there is no reference, or no odometry: the car brakes."""
     reference, odometry = tick.reference, tick.odometry
     return math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle)
 
 
 @kernel
-def _in_sight(tick: Record, widened: FloatArray, table: Record) -> float:
+def _in_sight(tick: Tick, widened: FloatArray) -> float:
     """Return the speed [m/s] from which the car stops within what it sees."""
-    geometry, odometry = tick.geometry, tick.odometry
-    speed: float = safe_speed(
-        table, widened, geometry.angle_min, geometry.angle_increment, odometry.speed, odometry.steering_angle
-    )
+    first, increment, odometry = tick.geometry.angle_min, tick.geometry.angle_increment, tick.odometry
+    speed: float = safe_speed(tick.trajectories, widened, first, increment, odometry.speed, odometry.steering_angle)
     return speed
 
 
 @kernel
-def _by_laws(ranges: FloatArray, tick: Record) -> float:
+def _by_laws(tick: Tick) -> float:
     """Return the reference's speed [m/s] by the laws of the distance ahead and of friction, as far as they apply."""
     driver, reference, reasons = tick.driver, tick.reference, tick.memory.reasons
     speed: float = min(reference.speed, reference.limit)
     if driver.distance_ahead:
-        speed = min(speed, _speed_by_what_is_ahead(tick.geometry, ranges, driver))
+        speed = min(speed, _speed_by_what_is_ahead(tick.geometry, tick.ranges, driver))
         log_step(reasons, AHEAD, reference.steering_angle, speed)
     if driver.friction_law:
         car = driver.car
@@ -275,19 +252,7 @@ def _speed_by_what_is_ahead(geometry: Record, ranges: FloatArray, driver: Record
 
 @kernel
 def _drive_filtered(
-    geometry: Record,
-    widened: FloatArray,
-    odometry: Record,
-    driver: Record,
-    memory: Record,
-    steering_angle: float,
-    speed: float,
-    in_sight: float,
-    predictions: FloatArray,
-    radius: float,
-    lane: FloatArray,
-    bearing: float,
-    distance: float,
+    tick: Tick, widened: FloatArray, speed: float, in_sight: float, predictions: FloatArray
 ) -> tuple[float, float]:
     """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
@@ -299,20 +264,15 @@ def _drive_filtered(
     direction is free it reverses, and tries again. Near what moves it drives by a plan in time.
 
     Args:
-      geometry: of type SCAN_GEOMETRY.
+      tick: its memory is written to.
       widened: readings (n,) [m], widened by the disc over the car's front.
-      odometry: of type ODOMETRY.
-      driver: of type DRIVER.
-      memory: of type DRIVING_MEMORY, written to.
-      steering_angle: of the reference [rad].
       speed: of the reference, by the speed laws [m/s].
       in_sight: from which the car stops within what it sees [m/s].
       predictions: of targets that move (k, 12), see safety.predictions.
-      radius: of the disc over the car's front [m].
-      lane: motion (m, 4) on which the car stays beside another one; m may be 0.
-      bearing: of the reference's goal [rad].
-      distance: of that goal [m].
     """
+    geometry, odometry, driver, memory = tick.geometry, tick.odometry, tick.driver, tick.memory
+    steering_angle, bearing, distance = tick.reference.steering_angle, tick.reference.bearing, tick.reference.distance
+    lane, radius = tick.reference.lane[: tick.reference.lane_points], tick.trajectories.radius
     angle, now, car = odometry.steering_angle, odometry.speed, driver.car
     limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(geometry)
     reference = saturate(steering_angle, car.max_steering_angle)

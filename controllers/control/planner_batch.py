@@ -33,6 +33,7 @@ from .planner_settings import record_type
 from .stages import ARRAYS, NO_MEMORY, STAGE_ARRAYS, Step, call_all, refer_at, see_at, stage_at
 
 _NO_LINE = np.empty((0, 0))
+_NO_TRAJECTORIES = np.zeros(1, TRAJECTORIES)
 _ALL = slice(None)
 
 
@@ -80,7 +81,7 @@ class PlannerBatch:
             if planner.line is not None:
                 end = ends[id(planner.line)]
                 driver["line_first"], driver["line_end"] = end - len(planner.line), end
-        self._trajectories = _joined(list(tables.values()), np.zeros(0, TRAJECTORIES))
+        self._trajectories = _joined(list(tables.values()), _NO_TRAJECTORIES)
         self._lines = _joined(list(lines.values()), _NO_LINE)
         self._geometry, self._given = cast(Any, None), cast(tuple[Any, ...], ())
         self._used = False  # what nobody has written to takes no memory

@@ -1,31 +1,16 @@
 """Stages: what stands between a planner's reference and the car's command, as compiled calls.
 
     @kernel
-    def creep(
-        geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-    ):
-        command[1] = min(command[1], 1.0)
+    def creep(tick: Tick) -> None:
+        tick.command[1] = min(tick.command[1], 1.0)
 
     CREEP = Stage(text="at most 1 m/s", after_driving=creep)
     STAGES["creep"] = "my_package.my_module:CREEP"  # of control.assist
     fg.race("oval", "gap_finder", assist="full+creep")
 
-`assist` chooses the stages of a planner. Of a stage that no planner has, nothing is imported or compiled. They are
+`assist` chooses the stages of a planner. A stage that no planner uses is neither imported nor compiled. They are
 called in the order of the kernels of `Stage`; in between every planner sees, refers and begins its decision
-(planner_batch).
-
-The arguments are those of one world:
-
-geometry               of the scan, of type SCAN_GEOMETRY
-ranges                 readings (n,) [m], without NaN or inf
-ranges_without_cars    the same for guidance; a planner that sees other cars has taken them out
-ranges_without_movers  the same without targets that move, for the safety filter; undefined where nothing moves
-tick                   of type driving.TICK: the planner, its odometry, reference and memory; written to
-lines                  points of the lines through the map, of all planners; this planner's are those from
-                       driver.line_first to driver.line_end
-trajectories           tables of type TRAJECTORIES, of all planners; this planner's is at driver.trajectories
-stage_state            of the stage's `state_type`: its memory in this world; written to
-command                (2,) steering angle [rad] and speed [m/s], written to
+(planner_batch). A kernel of a stage is called for one world at a time.
 """
 
 from __future__ import annotations
@@ -33,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,18 +26,13 @@ from numpy.typing import NDArray
 from fg_mujoco.compiled.array_table import flags, matrix, read_only, rows, table_at, whole_matrix
 from fg_mujoco.compiled.kernels import call_at, kernel
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.messages import ODOMETRY, FloatArray
 
 from ..perception.scan_filters import copy_ranges, valid_ranges
 from ..perception.scan_geometry import SCAN_GEOMETRY
 from ..safety.braking_trajectories import TRAJECTORIES
 from .driving import TICK
-
-ARGUMENTS = (
-    "geometry", "ranges", "ranges_without_cars", "ranges_without_movers", "tick", "lines", "trajectories",
-    "stage_state", "command",
-)  # fmt: skip
-"""Arguments of a stage's kernels, in their order."""
+from .planner_settings import Record
 
 PLACES = (
     "before_reference", "after_reference", "before_guidance", "guide", "after_guidance", "drive", "after_driving",
@@ -62,8 +42,28 @@ PLACES = (
 NO_MEMORY = np.dtype([("unused", np.int8)])
 """Type of the record of a stage, or of a planner, that keeps nothing."""
 
-Step = Callable[..., None]
-"""A kernel with the arguments above."""
+
+class Tick(NamedTuple):
+    """What a stage knows of one world in one tick, and what it writes to."""
+
+    geometry: Record  # of the scan, of type SCAN_GEOMETRY; it and `odometry` are in the velocity frame (slip) from
+    odometry: Record  # `guide` on, for a car whose tires need slip angles; of type ODOMETRY
+    ranges: FloatArray  # readings (n,) [m], without NaN or inf
+    ranges_without_cars: FloatArray  # the same for guidance: a planner that sees other cars has taken them out
+    ranges_without_movers: FloatArray  # the same without what moves; undefined where `memory.predictions` has no rows
+    driver: Record  # the planner's car, settings and limits, of type DRIVER
+    line: FloatArray  # the planner's line through the map (points, columns); no points without a map
+    trajectories: Record  # its braking trajectories, of type TRAJECTORIES; undefined for a planner without `sight`
+    reference: Record  # of type REFERENCE, written to
+    memory: Record  # what driving keeps from tick to tick, of type DRIVING_MEMORY, written to
+    state: Record  # what this stage keeps from tick to tick, of its `state_type`, written to
+    command: FloatArray  # (2,) steering angle [rad] and speed [m/s], written to
+    record: Record  # of type TICK, with the records above; a stage that writes the command sets `record.decided`
+
+
+Step = Callable[[Tick], None]
+"""A kernel of a stage."""
+
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,14 +78,14 @@ class Stage:
       after_reference: the same once the planner has referred.
       before_guidance: the same after all of those.
       guide: the same once the decision has begun.
-      after_guidance: the same; if it decides, it sets `tick.decided`.
+      after_guidance: the same; if it decides, it sets `tick.record.decided`.
       drive: writes the command, unless there is one. Of a planner's stages only the last one that has it is called.
       after_driving: the same once there is a command.
       state_type: type of the stage's memory in a world.
       first: returns the record, shape (1,), with which a Planner begins; None: all zero.
 
     Raises:
-      ControllerError: what is called at a place is no kernel of ARGUMENTS.
+      ControllerError: what is called at a place is no kernel of a Tick.
     """
 
     text: str = ""
@@ -105,10 +105,10 @@ class Stage:
         for name in PLACES:
             step = getattr(self, name)
             code = getattr(getattr(step, "py_func", None), "__code__", None)
-            if step is not None and (code is None or code.co_argcount != len(ARGUMENTS)):
+            if step is not None and (code is None or code.co_argcount != 1):
                 said = f"Stage.{name} is {getattr(step, '__name__', step)!r}"
                 said += ", which is no kernel" if code is None else f", which takes {code.co_argcount} arguments"
-                raise ControllerError(f"{said}; accepted: a @kernel of ({', '.join(ARGUMENTS)})")
+                raise ControllerError(f"{said}; accepted: a @kernel of (tick: Tick)")
 
     def begin(self, planner: Any) -> NDArray[np.void]:
         """Return the record with which a planner begins. Shape (1,)."""
@@ -178,7 +178,7 @@ def stage_at(step: Step, state_type: np.dtype[np.void]) -> Any:
     """Return the kernel that calls a stage for all running worlds that have it, by the table of STAGE_ARRAYS.
 
     Args:
-      step: kernel with the arguments above.
+      step: kernel of the stage.
       state_type: type of the stage's memory in a world.
     """
 
@@ -186,19 +186,21 @@ def stage_at(step: Step, state_type: np.dtype[np.void]) -> Any:
     def stage_at(address):  # type: ignore[no-untyped-def]
         stage = table_at(address, 3)
         table, active, states = whole_matrix(stage[0]), flags(stage[1]), rows(stage[2], state_type)
-        geometry, running, ticks = (
-            rows(table[_GEOMETRY], SCAN_GEOMETRY),
-            flags(table[_RUNNING]),
-            rows(table[_TICKS], TICK),
-        )
+        running, ticks = flags(table[_RUNNING]), rows(table[_TICKS], TICK)
         ranges, without_cars = matrix(table[_RANGES]), matrix(table[_WITHOUT_CARS])
         lines, commands = read_only(matrix(table[_LINES])), matrix(table[_COMMANDS])
         trajectories = read_only(rows(table[_TRAJECTORIES], TRAJECTORIES))
         for world in range(len(running)):
             if running[world] and active[world]:
+                record = ticks[world]
+                driver = record.driver
                 step(
-                    geometry[0], ranges[world], without_cars[world], ranges[len(ranges) - len(running) + world],
-                    ticks[world], lines, trajectories, states[world], commands[world],
+                    Tick(
+                        record.geometry, record.odometry, ranges[world], without_cars[world],
+                        ranges[len(ranges) - len(running) + world], driver, lines[driver.line_first : driver.line_end],
+                        trajectories[driver.trajectories], record.reference, record.memory, states[world],
+                        commands[world], record,
+                    )
                 )  # fmt: skip
 
     return stage_at

@@ -40,7 +40,7 @@ from ..control.decision import extend_path_history
 from ..control.planner_settings import Record
 from ..control.reasons import REMEMBERED_LINE, log_step
 from ..control.slip import lock_arc
-from ..control.stages import Stage
+from ..control.stages import Stage, Tick
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y, next_point
 from ..perception.lap_map import LAP_MAP, PLACES, TOO_FAR, beam_directions, see_lap, tell_sides
@@ -455,50 +455,32 @@ def _nearest(points: FloatArray, x: float, y: float) -> int:
 
 
 @kernel
-def _remember(  # type: ignore[no-untyped-def]
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    """Record the lap, and decide while the car is on its line; arguments as in control.stages."""
-    driver, memory, reference = tick.driver, tick.memory, tick.reference
-    seen, odometry = tick.geometry, tick.odometry
-    stage_state.among_targets |= memory.predictions.count > 0
-    if stage_state.among_targets:
+def _remember(tick: Tick) -> None:
+    """Record the lap, and decide while the car is on its line."""
+    driver, memory, reference, state = tick.driver, tick.memory, tick.reference, tick.state
+    geometry, odometry = tick.geometry, tick.odometry
+    state.among_targets |= memory.predictions.count > 0
+    if state.among_targets:
         return
-    see_lap(stage_state.lap, seen, ranges_without_cars, odometry, driver.car.lidar_offset)
-    if not tick.decided and _is_on_line(seen, ranges, odometry, driver, memory, stage_state, reference):
-        extend_path_history(seen, odometry, driver, memory)
-        speed, limiter = min(reference.speed, reference.limit, driver.max_speed), stage_state.line.limiter
+    see_lap(state.lap, geometry, tick.ranges_without_cars, odometry, driver.car.lidar_offset)
+    if not tick.record.decided and _is_on_line(tick):
+        extend_path_history(geometry, odometry, driver, memory)
+        speed, limiter = min(reference.speed, reference.limit, driver.max_speed), state.line.limiter
         steering = reference.steering_angle
-        command[0], command[1] = apply_limits_of(
-            limiter, seen, odometry, driver, memory, steering, speed, _LINE_USE, 0.0
+        tick.command[0], tick.command[1] = apply_limits_of(
+            limiter, geometry, odometry, driver, memory, steering, speed, _LINE_USE, 0.0
         )
-        tick.decided = True
+        tick.record.decided = True
 
 
 @kernel
-def _is_on_line(
-    geometry: Record,
-    ranges: FloatArray,
-    odometry: Record,
-    driver: Record,
-    memory: Record,
-    stage_state: Record,
-    reference: Record,
-) -> bool:
+def _is_on_line(tick: Tick) -> bool:
     """Return whether the car is on its line, and write the reference that follows it.
 
     Until the line is ready, a tick's part of the work on it is done.
-
-    Args:
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings (n,) [m], without NaN or inf.
-      odometry: of type ODOMETRY.
-      driver: of type driving.DRIVER.
-      memory: of type driving.DRIVING_MEMORY.
-      stage_state: of type REMEMBERED, written to.
-      reference: of type REFERENCE, written to.
     """
-    lap, line = stage_state.lap, stage_state.line
+    geometry, ranges, driver, memory = tick.geometry, tick.ranges, tick.driver, tick.memory
+    lap, line, reference = tick.state.lap, tick.state.line, tick.reference
     if not lap.closed:
         forget_line(line)
         return False
@@ -514,7 +496,7 @@ def _is_on_line(
         return False
     if memory.guidance.follows and not line.follows:
         return False
-    state = follow_line(line, lap, geometry, ranges, driver.limiter, odometry, reference)
+    state = follow_line(line, lap, geometry, ranges, driver.limiter, tick.odometry, reference)
     if state != AWAY:
         log_step(memory.reasons, REMEMBERED_LINE, reference.steering_angle, reference.speed)
     return state == ON

@@ -15,7 +15,7 @@ from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
 from fg_mujoco.controllers.control.planner_batch import PlannerBatch
 from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, Settings, for_car, relative_size, setting_of_car
-from fg_mujoco.controllers.control.stages import Stage
+from fg_mujoco.controllers.control.stages import Stage, Tick
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.recovery import RecoverySettings
 from fg_mujoco.controllers.wall_follow import WallFollow
@@ -167,11 +167,9 @@ def test_a_setting_that_is_given_is_taken_as_it_is():
 
 
 @kernel
-def creep(
-    geometry, ranges, ranges_without_cars, ranges_without_movers, tick, lines, trajectories, stage_state, command
-):
-    stage_state.ticks += 1
-    command[1] = min(command[1], 0.5)
+def creep(tick: Tick) -> None:
+    tick.state.ticks += 1
+    tick.command[1] = min(tick.command[1], 0.5)
 
 
 @each(
@@ -181,7 +179,7 @@ def creep(
         (lambda: {"creep": creep}, "own_stages() returned 'creep': "),
         (lambda: {"my stage": Stage()}, "own_stages() returned 'my stage': "),
         (lambda: {"sight": Stage(after_driving=creep)}, "returned 'sight', another name of `assist`"),
-        (lambda: {"creep": Stage(after_driving=kernel(lambda command: None))}, "which takes 1 arguments; accepted"),
+        (lambda: {"creep": Stage(after_driving=kernel(lambda a, b: None))}, "which takes 2 arguments; accepted"),
         (lambda: {"creep": Stage(guide=creep.py_func)}, "Stage.guide is 'creep', which is no kernel; accepted"),
     ],
 )

@@ -55,13 +55,13 @@ class Typo(GoalPlanner):
 
 
 @kernel
-def creep(a, b, c, d, tick, f, g, h, command):
-    command[1] = undefined_name  # line 49
+def creep(tick):
+    tick.command[1] = undefined_name  # line 49
 
 
 @kernel
-def crawl(a, b, c, d, tick, f, g, h, command):
-    command[1] = tick.no_such_field  # line 54
+def crawl(tick):
+    tick.command[1] = tick.memory.no_such_field  # line 54
 
 
 class Name(GapFinder):
