@@ -91,44 +91,26 @@ def command_speed(
 
 
 @kernel
-def apply_limits(
-    geometry: Record,
-    odometry: Record,
-    driver: Record,
-    memory: Record,
-    steering_angle: float,
-    speed: float,
-    least_use: float,
-) -> tuple[float, float]:
-    """Return the command nearest to a reference that the friction limiter allows."""
-    return apply_limits_of(
-        driver.limiter, geometry, odometry, driver, memory, steering_angle, speed, least_use, LEFT_ALONE
-    )
+def apply_limits(tick: Record, steering_angle: float, speed: float, least_use: float) -> tuple[float, float]:
+    """Return the command nearest to a reference that the friction limiter allows; `tick` is of type TICK."""
+    return apply_limits_of(tick.driver.limiter, tick, steering_angle, speed, least_use, LEFT_ALONE)
 
 
 @kernel
 def apply_limits_of(
-    limiter: Record,
-    geometry: Record,
-    odometry: Record,
-    driver: Record,
-    memory: Record,
-    steering_angle: float,
-    speed: float,
-    least_use: float,
-    left_alone: float,
+    limiter: Record, tick: Record, steering_angle: float, speed: float, least_use: float, left_alone: float
 ) -> tuple[float, float]:
     """Return the command nearest to a reference that a friction limiter allows; `left_alone` as of `command_speed`."""
-    angle, now = odometry.steering_angle, odometry.speed
-    period, reasons = period_of(geometry), memory.reasons
-    log_step(reasons, LOCK, saturate(steering_angle, driver.car.max_steering_angle), speed)
+    car, memory, angle, now = tick.driver.car, tick.memory, tick.odometry.steering_angle, tick.odometry.speed
+    period, reasons = period_of(tick.geometry), memory.reasons
+    log_step(reasons, LOCK, saturate(steering_angle, car.max_steering_angle), speed)
     target, allowed = held_on_circle(limiter, steering_angle, speed, abs(now), least_use)
     log_step(reasons, GRIP, target, allowed)
     steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period, False)
     log_step(reasons, TRANSIENTS, steering, speed)
     if limiter.slip.needs_slip_angle:
-        steering = steered(limiter.slip, driver.car, steering, now)
-    command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period, left_alone)
+        steering = steered(limiter.slip, car, steering, now)
+    command = command_speed(memory.speedometer, speed, car, tick.driver.max_speed, period, left_alone)
     command += memory.velocity_frame.excess  # 0 of tires that are not soft
     log_step(reasons, BY_SPEEDOMETER, steering, command)
     return steering, command

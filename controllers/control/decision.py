@@ -115,11 +115,9 @@ def guide_reference(tick: Tick) -> None:
     log_step(memory.reasons, GUIDED, reference.steering_angle, reference.speed)
     if turning.active and reference.lane_points == 0:
         log_step(memory.reasons, MOVES, turning.steering_angle, turning.speed)
-        extend_path_history(geometry, odometry, driver, memory)
+        extend_path_history(tick.record)
         least = driver.limiter.settings.least_lateral_use
-        tick.command[0], tick.command[1] = apply_limits(
-            geometry, odometry, driver, memory, turning.steering_angle, turning.speed, least
-        )
+        tick.command[0], tick.command[1] = apply_limits(tick.record, turning.steering_angle, turning.speed, least)
         tick.record.decided = True
 
 
@@ -162,7 +160,7 @@ def drive_filtered(tick: Tick) -> None:
     predictions = turned(memory.predictions, angle)
     surroundings = tick.ranges_without_movers if len(predictions) > 0 else tick.ranges
     widened = widen_all(surroundings, tick.geometry.angle_increment, tick.trajectories.radius)
-    extend_path_history(tick.geometry, tick.odometry, driver, memory)
+    extend_path_history(tick.record)
     tick.command[0], tick.command[1] = _drive_filtered(tick, widened, speed, _in_sight(tick, widened), predictions)
 
 
@@ -174,7 +172,7 @@ def _is_decided(tick: Tick) -> bool:
     if not _sees_no_way(tick):
         return False
     if tick.driver.has_limiter:
-        tick.command[0], tick.command[1] = _brake(tick.geometry, tick.odometry, tick.driver, tick.memory)
+        tick.command[0], tick.command[1] = _brake(tick.record)
     else:
         _stand(tick)
     return True
@@ -183,12 +181,9 @@ def _is_decided(tick: Tick) -> bool:
 @kernel
 def _follow(tick: Tick, speed: float) -> None:
     """Write the command that follows the reference at a speed [m/s], as far as the car has a friction limiter."""
-    driver = tick.driver
-    if driver.has_limiter:
-        steering_angle, least = tick.reference.steering_angle, driver.limiter.settings.least_lateral_use
-        tick.command[0], tick.command[1] = apply_limits(
-            tick.geometry, tick.odometry, driver, tick.memory, steering_angle, speed, least
-        )  # fmt: skip
+    if tick.driver.has_limiter:
+        steering_angle, least = tick.reference.steering_angle, tick.driver.limiter.settings.least_lateral_use
+        tick.command[0], tick.command[1] = apply_limits(tick.record, steering_angle, speed, least)
     else:
         _steer(tick, speed)
 
@@ -305,11 +300,11 @@ def _drive_filtered(
             history.stood = 0.0
             back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
             log_step(memory.reasons, PLAN_IN_TIME, back, -BACKING_SPEED)
-            return apply_limits(geometry, odometry, driver, memory, back, -BACKING_SPEED, 1.0)
+            return apply_limits(tick.record, back, -BACKING_SPEED, 1.0)
         if what == DRIVES:
             history.back = 0.0  # an attempt to reverse is over
             log_step(memory.reasons, PLAN_IN_TIME, planned, planned_speed)
-            return apply_limits(geometry, odometry, driver, memory, planned, planned_speed, 1.0)
+            return apply_limits(tick.record, planned, planned_speed, 1.0)
         predictions, reference_speed = predictions[:0], 0.0
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference,
@@ -327,7 +322,7 @@ def _drive_filtered(
         if braking >= 0.0:  # the stop of the last scan
             memory.passed_filter = True
             log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
-            return apply_limits(geometry, odometry, driver, memory, steering_angle, 0.0, braking)
+            return apply_limits(tick.record, steering_angle, 0.0, braking)
     if among and not memory.passed_filter:
         without, use_without, _ = safe_steering(
             limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, 0.0,
@@ -343,13 +338,13 @@ def _drive_filtered(
                     reference, angle, now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius,
                     guidance.frontier, )  # fmt: skip
                 use_without = least if least >= 0.0 else use_without
-            return apply_limits(geometry, odometry, driver, memory, steering_angle, 0.0, use_without)
+            return apply_limits(tick.record, steering_angle, 0.0, use_without)
     stands = abs(now) < settings.standing_speed
     leads_on, waits = found and not guidance.stuck, memory.predictions.count > 0 or not guidance.frontier.found
     if driver.recovery and reverses(history, driver.recovery_settings, stands, leads_on, waits, period):
         back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
         log_step(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
-        return apply_limits(geometry, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
+        return apply_limits(tick.record, back, -driver.recovery_settings.speed, use)
     if not found:
         last = stop_ahead(guidance)
         if not stands and len(last) > 0 and len(predictions) == 0:
@@ -362,13 +357,13 @@ def _drive_filtered(
                     late, path_late = late_by(car), late_on_path(limiter.slip, car, now)
                     on_last = steer_along(last, 0, 0.0, 0.0, 0.0, now, car.wheelbase, late, path_late)
                     log_step(memory.reasons, SAFETY_FILTER, on_last, 0.0)
-                    return apply_limits(geometry, odometry, driver, memory, on_last, 0.0, use_last)
+                    return apply_limits(tick.record, on_last, 0.0, use_last)
         speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
         if guidance.follows and not keeps:  # it is free, as far as its search could tell
             log_step(memory.reasons, SAFETY_FILTER, steering_angle, speed)
-            return apply_limits(geometry, odometry, driver, memory, steering_angle, speed, 1.0)
+            return apply_limits(tick.record, steering_angle, speed, 1.0)
         log_step(memory.reasons, SAFETY_FILTER, safe, speed)
-        return apply_limits(geometry, odometry, driver, memory, safe, speed, use)
+        return apply_limits(tick.record, safe, speed, use)
     if safe != reference and guidance.follows and not keeps and len(predictions) == 0:
         on_motion = least_cornering(
             limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, angle,
@@ -376,7 +371,7 @@ def _drive_filtered(
         )  # fmt: skip
         if on_motion >= 0.0:
             log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
-            return apply_limits(geometry, odometry, driver, memory, steering_angle, 0.0, on_motion)
+            return apply_limits(tick.record, steering_angle, 0.0, on_motion)
     if 0.0 < abs(safe - reference) < _BESIDE and len(path) == 0 and len(predictions) == 0:
         beside, use_beside, _ = safe_steering(
             limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, safe,
@@ -384,30 +379,31 @@ def _drive_filtered(
         )  # fmt: skip
         if beside == safe:
             log_step(memory.reasons, SAFETY_FILTER, safe, reference_speed)
-            return apply_limits(geometry, odometry, driver, memory, safe, reference_speed, use_beside)
+            return apply_limits(tick.record, safe, reference_speed, use_beside)
     if safe != reference:
         log_step(memory.reasons, SAFETY_FILTER, safe, min(speed, settings.crawl_speed))
-        return apply_limits(geometry, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)
+        return apply_limits(tick.record, safe, min(speed, settings.crawl_speed), use)
     log_step(memory.reasons, SAFETY_FILTER, steering_angle, reference_speed)
-    return apply_limits(geometry, odometry, driver, memory, steering_angle, reference_speed, use)
+    return apply_limits(tick.record, steering_angle, reference_speed, use)
 
 
 @kernel
-def _brake(geometry: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
+def _brake(tick: Record) -> tuple[float, float]:
     """Return the command of the hardest stop that the tires hold on the present path; without odometry 0 and 0."""
-    extend_path_history(geometry, odometry, driver, memory)
-    log_step(memory.reasons, NO_REFERENCE, odometry.steering_angle, 0.0)
-    least, slip = driver.limiter.settings.least_lateral_use, driver.limiter.slip
-    held = held_arc(slip, driver.car, odometry.steering_angle, memory.limiter.curvature)
-    return apply_limits(geometry, odometry, driver, memory, held, 0.0, least)
+    extend_path_history(tick)
+    limiter, angle = tick.driver.limiter, tick.odometry.steering_angle
+    log_step(tick.memory.reasons, NO_REFERENCE, angle, 0.0)
+    held = held_arc(limiter.slip, tick.driver.car, angle, tick.memory.limiter.curvature)
+    return apply_limits(tick, held, 0.0, limiter.settings.least_lateral_use)
 
 
 @kernel
-def extend_path_history(geometry: Record, odometry: Record, driver: Record, memory: Record) -> None:
+def extend_path_history(tick: Record) -> None:
     """Add the motion of the last tick to the path history; to be called once in every tick."""
+    driver, odometry = tick.driver, tick.odometry
     if driver.recovery:
-        yaw_rate = odometry.angular_velocity[2]
-        extend_history(memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period_of(geometry))
+        yaw_rate, period = odometry.angular_velocity[2], period_of(tick.geometry)
+        extend_history(tick.memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period)
 
 
 MEAN_RANGE_STAGE = Stage(text="speed law: slower where the mean range towards the goal is short")

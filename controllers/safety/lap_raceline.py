@@ -464,12 +464,10 @@ def _remember(tick: Tick) -> None:
         return
     see_lap(state.lap, geometry, tick.ranges_without_cars, odometry, driver.car.lidar_offset)
     if not tick.record.decided and _is_on_line(tick):
-        extend_path_history(geometry, odometry, driver, memory)
-        speed, limiter = min(reference.speed, reference.limit, driver.max_speed), state.line.limiter
-        steering = reference.steering_angle
-        tick.command[0], tick.command[1] = apply_limits_of(
-            limiter, geometry, odometry, driver, memory, steering, speed, _LINE_USE, 0.0
-        )
+        extend_path_history(tick.record)
+        speed, steering = min(reference.speed, reference.limit, driver.max_speed), reference.steering_angle
+        limited = apply_limits_of(state.line.limiter, tick.record, steering, speed, _LINE_USE, 0.0)
+        tick.command[0], tick.command[1] = limited
         tick.record.decided = True
 
 
