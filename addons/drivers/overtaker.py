@@ -40,6 +40,7 @@ from fg_mujoco.messages import FloatArray, Reading
 from .other_cars import WIDEST, follow_told, is_told, read_told, watch_cars
 from .passing import FOLLOWS, RACING, STANDS_FOR, choose, pose_on, predict_cars, take_lane
 
+_NEAREST = 0.02  # [m] that a beam counts as long
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
 _STEPS = 24  # of a stop
 _STANDS, _STANDING = 4, 0.26  # sightings of what may be a car that stands, and its radius [m]
@@ -172,7 +173,7 @@ def leave_cars_out(memory: Record, predictions: Record) -> bool:
 
 @kernel
 def hide_cars(memory: Record, geometry: Record, ranges: FloatArray) -> None:
-    """Lengthen the beams (n,) [m] that end on cars to what is next to them; `memory` is of type RACING."""
+    """Take cars out of a scan (n,) [m]; `memory` is of type RACING."""
     count, seen = len(ranges), memory.seen
     for index in range(MOST_CARS):
         car = seen.cars[index]
@@ -191,15 +192,21 @@ def hide_cars(memory: Record, geometry: Record, ranges: FloatArray) -> None:
             last = beam
             while last + 1 < end and _ends_near(geometry, ranges, last + 1, ahead, left):
                 last += 1
-            beyond = math.inf  # the nearer of the beams to both sides
-            if beam > 0:
-                beyond = ranges[beam - 1]
-            if last + 1 < count:
-                beyond = min(beyond, ranges[last + 1])
-            for k in range(beam, last + 1):
-                if math.isfinite(beyond):
-                    ranges[k] = max(beyond, ranges[k])
+            _lengthen(ranges, beam, last, geometry.angle_increment)
             beam = last + 1
+
+
+@kernel
+def _lengthen(ranges: FloatArray, first: int, last: int, increment: float) -> None:
+    """Lengthen beams (n,) [m], `increment` [rad] apart, to the straight line between the ends of their neighbours."""
+    before, after = max(first - 1, 0), min(last + 1, len(ranges) - 1)
+    if before == first or last == after:  # at the end of the scan: as far as the one to the other side
+        before = after = after if before == first else before
+    for beam in range(first, last + 1):
+        left, right = (after - beam) * increment, (beam - before) * increment
+        inverse = math.sin(left) / max(ranges[before], _NEAREST) + math.sin(right) / max(ranges[after], _NEAREST)
+        between = math.sin(left + right) / inverse if after > before else ranges[after]
+        ranges[beam] = max(ranges[beam], between)
 
 
 @kernel

@@ -10,7 +10,8 @@ import pytest
 
 from cases import each
 from fg_mujoco.addons.drivers.other_cars import OTHER_CARS, TOLD, find_boxes, follow_told, read_told, watch_cars
-from fg_mujoco.addons.drivers.overtaker import Overtaker
+from fg_mujoco.addons.drivers.overtaker import Overtaker, hide_cars
+from fg_mujoco.addons.drivers.passing import RACING
 from fg_mujoco.controllers.perception.scan_filters import noise_of
 from fg_mujoco.controllers.perception.scan_geometry import SCAN_GEOMETRY, geometry_values
 from fg_mujoco.messages import Reading, columns_of_others
@@ -52,6 +53,16 @@ def watched(place, speed, ticks, own_speed, noise=0.0):
         scan = scan_of(ranges + rng.normal(0.0, noise, len(ranges)))
         seen = watch_cars(memory, SCAN_ROW, scan.ranges, odometry_row(own_speed), CAR.lidar_offset)
     return memory, seen
+
+
+@each("x, y", [(1.2, -1.15), (0.7, 1.2), (2.5, 1.0)])
+def test_a_car_next_to_a_wall_is_taken_out_of_the_scan(x, y):
+    """The wall goes on straight behind it, where beams before and behind it meet the wall at very different ranges."""
+    memory, ranges = np.zeros(1, RACING)[0], with_box(x, y, 0.0)
+    car = memory["seen"]["cars"][0]
+    car["age"], car["moves"], car["x"], car["y"] = 20, True, x, y
+    hide_cars(memory, SCAN_ROW, ranges)
+    assert ranges == pytest.approx(WALLS.ranges, rel=1e-9)
 
 
 def test_a_box_is_found_where_it_is():
