@@ -28,6 +28,7 @@ from fg_mujoco.controllers.perception.scan_geometry import bearing_of, period_of
 from fg_mujoco.controllers.safety.predictions import MOST_CARS
 from fg_mujoco.messages import MOST_OTHERS, OF_OTHER_CAR, FloatArray, Reading, columns_of_others
 
+NEAREST = 0.02  # [m] that a beam counts as long, at least
 BEHIND = 0.06  # [m] from the middle of what is seen of a box to its own middle
 
 _FARTHEST = 9.0  # [m] at which runs of beams are looked at
@@ -53,7 +54,6 @@ _FASTEST_TURN = 3.0  # [rad/s]
 _OLDEST = 0.5  # [s] of odometry that was told
 _REACHED = 0.4  # [m] from the middle of a car: a beam that ends there ends on it
 _FOUND = 16  # runs of a scan that are kept
-_NEAREST = 0.02  # [m] that a beam counts as long
 _LEAST_NOISE = 0.005  # [m] standard deviation of a range
 _CUT, _CERTAIN = 4.0, 5.0  # standard deviations: of a run's end, and of an edge there
 _FASTER, _FARTHER = 3.0, 6.0  # the same: of the speed and of the way of what moves
@@ -258,13 +258,13 @@ def _ends_at_edges(ranges: FloatArray, first: int, last: int, noise: float) -> b
     off = 0.5 * (count + 1)
     spread = count * (count * count - 1) / 12.0 if count > 1 else 2.0  # sum of squared distances [beams^2]
     for beam in range(first, last + 1):
-        mean += 1.0 / max(ranges[beam], _NEAREST) / count
-        slope += (beam - 0.5 * (first + last)) / max(ranges[beam], _NEAREST) / spread
+        mean += 1.0 / max(ranges[beam], NEAREST) / count
+        slope += (beam - 0.5 * (first + last)) / max(ranges[beam], NEAREST) / spread
     if count == 1:
-        slope = (1.0 / max(ranges[last + 1], _NEAREST) - 1.0 / max(ranges[first - 1], _NEAREST)) / spread
+        slope = (1.0 / max(ranges[last + 1], NEAREST) - 1.0 / max(ranges[first - 1], NEAREST)) / spread
     of_line = (1.0 / count + off * off / spread) * mean**4
     for side in (-1, 1):
-        inverse = 1.0 / max(ranges[last + 1 if side > 0 else first - 1], _NEAREST)
+        inverse = 1.0 / max(ranges[last + 1 if side > 0 else first - 1], NEAREST)
         apart = inverse - mean - side * off * slope
         if apart * apart < _CERTAIN * _CERTAIN * noise * noise * (of_line + inverse**4):
             return False
@@ -287,15 +287,15 @@ def _follow(
     if nearest < 0:
         car.unseen += period
         patience = _FORGOTTEN if car.moves else _FORGOTTEN_IN_VIEW
-        if car.moves and _is_in_view(memory, car, geometry, ranges):
-            if abs(bearing_to(memory, car)) > min(-geometry.angle_min, bearing_of(geometry, len(ranges) - 1)) - _RIM:
+        far, bearing = math.hypot(car.x - memory.x, car.y - memory.y), bearing_to(memory, car)
+        if car.moves and _ends_beyond(geometry, ranges, bearing, far):  # it would be seen
+            if abs(bearing) > min(-geometry.angle_min, bearing_of(geometry, len(ranges) - 1)) - _RIM:
                 car.x -= car.vx * period  # it has not come into view yet, and so is slower
                 car.y -= car.vy * period
                 car.vx *= _SLOWING
                 car.vy *= _SLOWING
             else:
-                near = math.hypot(car.x - memory.x, car.y - memory.y) < _NEAR
-                patience = _FORGOTTEN_NEAR if near else _FORGOTTEN_IN_VIEW
+                patience = _FORGOTTEN_NEAR if far < _NEAR else _FORGOTTEN_IN_VIEW
         if car.unseen > patience:
             car.age = 0
         return
@@ -335,16 +335,18 @@ def _follow(
 
 
 @kernel
+def seen_from(memory: Record, x: float, y: float) -> tuple[float, float]:
+    """Return the distances of a place ahead of the LiDAR and to its left [m]."""
+    cos, sin = math.cos(memory.heading), math.sin(memory.heading)
+    dx, dy = x - memory.x, y - memory.y
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@kernel
 def bearing_to(memory: Record, car: Record) -> float:
     """Return the bearing of a car [rad]."""
     bearing = math.atan2(car.y - memory.y, car.x - memory.x) - memory.heading
     return float(bearing - 2.0 * math.pi * round(bearing / (2.0 * math.pi)))
-
-
-@kernel
-def _is_in_view(memory: Record, car: Record, geometry: Record, ranges: FloatArray) -> bool:
-    """Return whether a car would be seen where it is expected: a beam ends beyond it."""
-    return _ends_beyond(geometry, ranges, bearing_to(memory, car), math.hypot(car.x - memory.x, car.y - memory.y))
 
 
 @kernel

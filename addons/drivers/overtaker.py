@@ -26,7 +26,7 @@ from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, 
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, write_debug
 from fg_mujoco.controllers.perception.scan_filters import copy_ranges
-from fg_mujoco.controllers.perception.scan_geometry import sees
+from fg_mujoco.controllers.perception.scan_geometry import bearing_of, sees
 from fg_mujoco.controllers.safety.predictions import (
     MOST_CARS,
     hide_targets,
@@ -37,10 +37,9 @@ from fg_mujoco.controllers.safety.predictions import (
 )
 from fg_mujoco.messages import FloatArray, Reading
 
-from .other_cars import WIDEST, follow_told, is_told, read_told, watch_cars
+from .other_cars import NEAREST, WIDEST, follow_told, is_told, read_told, seen_from, watch_cars
 from .passing import FOLLOWS, RACING, STANDS_FOR, choose, pose_on, predict_cars, take_lane
 
-_NEAREST = 0.02  # [m] that a beam counts as long
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
 _STEPS = 24  # of a stop
 _STANDS, _STANDING = 4, 0.26  # sightings of what may be a car that stands, and its radius [m]
@@ -52,7 +51,6 @@ _find_goal = GapFinder.goal
 @dataclass(frozen=True, kw_only=True)
 class OvertakerSettings(GapFinderSettings):
     """Parameters of the gap finder, and of the cars that it meets."""
-
 
     braking: float = setting(5.0, "m/s^2", "with which another car may stop", POSITIVE)
     car_margin: float = setting(0.06, "m", "round another car", FROM_ZERO)
@@ -146,7 +144,7 @@ def draw_standing(memory: Record, geometry: Record, ranges: FloatArray, paramete
     if memory.met:
         for k in range(MOST_CARS):
             car = seen.cars[k]
-            ahead, left = _seen_from(seen, car.x, car.y)
+            ahead, left = seen_from(seen, car.x, car.y)
             if car.age >= _STANDS and not car.moves:
                 draw_disc(geometry, ranges, ahead, left, _STANDING)
             elif car.age > 0 and car.moves and memory.passing[k].stood > STANDS_FOR:
@@ -164,7 +162,7 @@ def leave_cars_out(memory: Record, predictions: Record) -> bool:
             of_car = target.size < 0.5 * WIDEST or along > _ALONG * math.hypot(target.vx, target.vy)
             x, y = position_of(seen, target)
             for car in memory.cars:
-                ahead, left = _seen_from(memory, car.x, car.y)
+                ahead, left = seen_from(memory, car.x, car.y)
                 of_car = of_car or (car.age > 0 and math.hypot(ahead - x, left - y) < _OF_CAR)
             if of_car:
                 target.moves, target.evidence = False, 0
@@ -179,7 +177,7 @@ def hide_cars(memory: Record, geometry: Record, ranges: FloatArray) -> None:
         car = seen.cars[index]
         if car.age == 0 or not car.moves or memory.passing[index].stood > STANDS_FOR:
             continue
-        ahead, left = _seen_from(seen, car.x, car.y)
+        ahead, left = seen_from(seen, car.x, car.y)
         far = math.hypot(ahead, left)
         middle = round((math.atan2(left, ahead) - geometry.angle_min) / geometry.angle_increment)
         half = math.ceil(math.asin(min(_HIDDEN / max(far, _HIDDEN), 1.0)) / geometry.angle_increment)
@@ -204,7 +202,7 @@ def _lengthen(ranges: FloatArray, first: int, last: int, increment: float) -> No
         before = after = after if before == first else before
     for beam in range(first, last + 1):
         left, right = (after - beam) * increment, (beam - before) * increment
-        inverse = math.sin(left) / max(ranges[before], _NEAREST) + math.sin(right) / max(ranges[after], _NEAREST)
+        inverse = math.sin(left) / max(ranges[before], NEAREST) + math.sin(right) / max(ranges[after], NEAREST)
         between = math.sin(left + right) / inverse if after > before else ranges[after]
         ranges[beam] = max(ranges[beam], between)
 
@@ -212,17 +210,8 @@ def _lengthen(ranges: FloatArray, first: int, last: int, increment: float) -> No
 @kernel
 def _ends_near(geometry: Record, ranges: FloatArray, beam: int, ahead: float, left: float) -> bool:
     """Return whether a beam ends within _HIDDEN of a place ahead and to the left of the LiDAR [m]."""
-    bearing = geometry.angle_min + geometry.angle_increment * beam
-    distance = ranges[beam]
+    bearing, distance = bearing_of(geometry, beam), ranges[beam]
     return math.hypot(distance * math.cos(bearing) - ahead, distance * math.sin(bearing) - left) < _HIDDEN
-
-
-@kernel
-def _seen_from(memory: Record, x: float, y: float) -> tuple[float, float]:
-    """Return the distances of a place ahead of the LiDAR and to its left [m]."""
-    cos, sin = math.cos(memory.heading), math.sin(memory.heading)
-    dx, dy = x - memory.x, y - memory.y
-    return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 @kernel
@@ -268,7 +257,7 @@ def draw_disc(geometry: Record, ranges: FloatArray, ahead: float, left: float, r
     first = math.ceil((bearing - half - geometry.angle_min) / geometry.angle_increment)
     end = math.floor((bearing + half - geometry.angle_min) / geometry.angle_increment) + 1
     for beam in range(max(first, 0), min(end, len(ranges))):
-        away = geometry.angle_min + geometry.angle_increment * beam - bearing
+        away = bearing_of(geometry, beam) - bearing
         side = far * math.sin(away)
         near = far * math.cos(away) - math.sqrt(max(radius * radius - side * side, 0.0))
-        ranges[beam] = min(ranges[beam], max(near, 0.02))
+        ranges[beam] = min(ranges[beam], max(near, NEAREST))

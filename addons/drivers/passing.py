@@ -26,7 +26,7 @@ from fg_mujoco.controllers.safety.predictions import MOST_CARS
 from fg_mujoco.messages import FloatArray
 
 from .corridor import HEADING, LEFT, MOST_POINTS, RIGHT, STEP, X, Y, ground_points, walk
-from .other_cars import OTHER_CARS, TOLD
+from .other_cars import OTHER_CARS, TOLD, seen_from
 
 FOLLOWS, PASSES, DROPS_BACK = 0, 1, 2
 
@@ -69,7 +69,6 @@ def choose(memory: Record, geometry: Record, without: FloatArray, car: Record, s
     points, limit = np.empty((MOST_POINTS, 2)), math.inf
     count = ground_points(geometry, without, points)
     seen, to_middle = memory.seen, car.lidar_offset - (0.5 * car.length - car.rear_overhang)
-    cos, sin = math.cos(seen.heading), math.sin(seen.heading)
     for k in range(MOST_CARS):
         other, passing = seen.cars[k], memory.passing[k]
         slow = other.age > 0 and math.hypot(other.vx, other.vy) < STANDING
@@ -79,8 +78,7 @@ def choose(memory: Record, geometry: Record, without: FloatArray, car: Record, s
             passing.places = 0
             passing.waits = 0.0
             continue
-        dx, dy = other.x - seen.x, other.y - seen.y
-        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        x, y = seen_from(seen, other.x, other.y)
         heading = other.heading - seen.heading
         heading -= 2.0 * math.pi * round(heading / (2.0 * math.pi))
         passing.places = walk(points, count, x, y, heading, passing.way)
@@ -88,11 +86,11 @@ def choose(memory: Record, geometry: Record, without: FloatArray, car: Record, s
             towards, fast = seen.heading + passing.way[1, HEADING], math.hypot(other.vx, other.vy)
             other.vx, other.vy, other.heading = fast * math.cos(towards), fast * math.sin(towards), towards
         between = 0.5 * heading  # a car that has turned into the next corner is ahead
-        dx, dy = x + to_middle, y
-        passing.along = math.cos(between) * dx + math.sin(between) * dy
-        passing.across = math.sin(between) * dx - math.cos(between) * dy
+        dx = x + to_middle
+        passing.along = math.cos(between) * dx + math.sin(between) * y
+        passing.across = math.sin(between) * dx - math.cos(between) * y
         passing.speed = max(math.hypot(other.vx, other.vy) * math.cos(between), 0.0)
-        gap = math.hypot(dx, dy) - car.length
+        gap = math.hypot(dx, y) - car.length
         passing.waits = max(passing.waits - period_of(geometry), 0.0)
         still_behind = passing.what == PASSES and passing.along > car.length
         passing.lasts = passing.lasts + period_of(geometry) if still_behind else 0.0
@@ -208,7 +206,7 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
     room, and no farther than `aside` from side to side. The motion leads to it by pure pursuit, with a share of the
     grip.
     """
-    nearest, least, car = -1, math.inf, driver.car
+    nearest, least, car, limiter = -1, math.inf, driver.car, driver.limiter
     for k in range(MOST_CARS):
         passing = memory.passing[k]
         if passing.places > 0 and passing.what != FOLLOWS and abs(passing.along) < least:
@@ -225,15 +223,13 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
         off = passing.side * (0.5 * car.width + min(away, widest))
         points[k, 0] = row[X] - off * math.sin(row[HEADING]) + car.lidar_offset
         points[k, 1] = row[Y] + off * math.cos(row[HEADING])
-    limiter = driver.limiter
     sharpest = math.tan(car.max_steering_angle) / car.wheelbase
     if driver.has_limiter:
         sharpest = min(sharpest, _GRIP * limiter.lateral / max(own_speed * own_speed, 0.01))
     sight = max(_LEAST_SIGHT, _SIGHT * own_speed)
     x, y, heading, first, count, square = 0.0, 0.0, 0.0, 0, 0, math.inf
     while count < len(reference.lane):
-        cos, sin = math.cos(heading), math.sin(heading)
-        ahead = left = 0.0
+        cos, sin, ahead, left = math.cos(heading), math.sin(heading), 0.0, 0.0
         while first < passing.places:
             dx, dy = points[first, 0] - x, points[first, 1] - y
             ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
