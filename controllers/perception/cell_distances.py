@@ -1,7 +1,7 @@
 """Distances over the free cells of the local map: from one cell by steps, and to some cells by ways of least cost.
 
     count, edges = flood(world, bits, distance, queue, edge, impassable)
-    dijkstra(bits, distance_to_goal, goal, free, impassable)
+    dijkstra(bits, distance, distance_to_goal, goal, free, impassable)
 
 A cell is one number, its column and row in the ring. Bits of cells are those of cell_marks.
 
@@ -28,6 +28,8 @@ UNIT = 0.01
 """[m] of the distances of `dijkstra`; those of `flood` are in cells."""
 LAST = SIZE * SIZE - 1
 """The greatest number of a cell."""
+BLOCKS = SIZE // 2
+"""Blocks of two by two cells to a side: of each of them one distance to the goal is kept."""
 
 _FREE_START = 4  # cells from the car that may be near a wall
 _BUCKETS = 64  # above the greatest cost of a step; a power of two, so that `cost & _BUCKET` is the bucket of a cost
@@ -119,13 +121,19 @@ def flood(
 
 @kernel
 def dijkstra(
-    bits: NDArray[np.uint8], distance_to_goal: NDArray[np.uint16], goal: NDArray[np.uint16], free: int, impassable: int
+    bits: NDArray[np.uint8],
+    distance: NDArray[np.uint16],
+    distance_to_goal: NDArray[np.uint16],
+    goal: NDArray[np.uint16],
+    free: int,
+    impassable: int,
 ) -> None:
     """Write the way to go [UNIT] from all free cells to the nearest cell of `goal`.
 
     Args:
       bits: of each cell.
-      distance_to_goal: of each cell, FAR; written to.
+      distance: of each cell, FAR; written to.
+      distance_to_goal: (BLOCKS, BLOCKS) the least of the cells of each block, FAR; written to.
       goal: cells.
       free: how many cells are free.
       impassable: bits of cells that are no way, besides WAY_BACK.
@@ -136,7 +144,7 @@ def dijkstra(
     straight, diagonal = _costs(10, WAY_BACK | impassable), _costs(14, WAY_BACK | impassable)
     made, one = np.uintp(0), np.uintp(1)
     for cell in goal:
-        distance_to_goal[cell] = 0
+        distance[cell] = 0
         cells[made], links[made] = cell, heads[0]
         heads[0] = made
         made += one
@@ -148,19 +156,22 @@ def dijkstra(
             continue
         empty = 0
         heads[level & _BUCKET] = links[entry]
-        if distance_to_goal[cells[entry]] != level:
+        if distance[cells[entry]] != level:
             continue  # it was reached by a shorter way meanwhile
+        column, row = cells[entry] // (2 * SIZE), (cells[entry] & RING) // 2
+        if distance_to_goal[column, row] == FAR:  # the nearest cells come first
+            distance_to_goal[column, row] = level
         for cell in neighbours(cells[entry]):
             cost = level + straight[bits[cell]]
-            if cost < distance_to_goal[cell]:
-                distance_to_goal[cell] = cost
+            if cost < distance[cell]:
+                distance[cell] = cost
                 cells[made], links[made] = cell, heads[cost & _BUCKET]
                 heads[cost & _BUCKET] = made
                 made += one
         for cell in _diagonal_neighbours(cells[entry]):
             cost = level + diagonal[bits[cell]]
-            if cost < distance_to_goal[cell]:
-                distance_to_goal[cell] = cost
+            if cost < distance[cell]:
+                distance[cell] = cost
                 cells[made], links[made] = cell, heads[cost & _BUCKET]
                 heads[cost & _BUCKET] = made
                 made += one

@@ -1,7 +1,7 @@
 """Marks the cells of the local map: which are free or unknown, and how near to a wall each is.
 
-    count = mark_cells(world, blocked)
-    blocked[i & RING, j & RING] & AT_WALL  # whether a wall is within one cell
+count = mark_cells(world, bits)
+bits[i & RING, j & RING] & AT_WALL  # whether a wall is within one cell
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fg_mujoco.compiled.kernels import kernel
 
 from ..control.planner_settings import Record
-from .local_map import EDGE, FREE, RING, SIZE, UNKNOWN, WALL
+from .local_map import EDGE, FREE, KIND, NEARNESS, RING, SIZE, UNKNOWN, WALL
 
 NEAR_WALL, WAY_BACK, AT_WALL, HOLE, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 8, 16, 32, 64, 128
 """Bits of a cell: a wall is within two cells; closed by `frontiers`; a wall is within one cell; the middle of a hole of
@@ -22,14 +22,17 @@ _MARGIN = 8  # columns next to the known ones, in which their walls count
 
 
 @kernel
-def mark_cells(world: Record, blocked: NDArray[np.uint8]) -> int:
-    """Write the bits of all cells, without WAY_BACK, and return how many are free.
+def mark_cells(world: Record, bits: NDArray[np.uint8]) -> int:
+    """Write the bits of all cells, without WAY_BACK, and the NEARNESS of the map's; return how many may be free.
 
     Only columns with something known in them are looked at. How near walls are is worked out within each column first.
     Then columns are joined, for the greater distances two and four at a time.
     """
     first, end = _known_columns(world)
-    blocked[:] = UNSEEN
+    bits[:] = UNSEEN
+    for i in range(world.column - EDGE, world.column + EDGE + 1):
+        if not first - 2 <= i < end + 2:
+            world.cells[i & RING, :] = UNKNOWN
     if first == end:
         return 0
     count = end - first + 2 * _MARGIN
@@ -46,9 +49,10 @@ def mark_cells(world: Record, blocked: NDArray[np.uint8]) -> int:
         i = first + k - _MARGIN
         if abs(i - world.column) > EDGE:
             continue
-        _mark_ground(world.cells[i & RING], blocked[i & RING])
-        _mark_near(within[k - 2], within[k - 1], within[k], within[k + 1], within[k + 2], blocked[i & RING])
-        _mark_far(two[k - 6], four[k - 4], four[k], within[k + 4], two[k + 5], blocked[i & RING])
+        _mark_ground(world.cells[i & RING], bits[i & RING])
+        _mark_near(within[k - 2], within[k - 1], within[k], within[k + 1], within[k + 2], bits[i & RING])
+        _mark_far(two[k - 6], four[k - 4], four[k], within[k + 4], two[k + 5], bits[i & RING])
+        _keep_nearness(bits[i & RING], world.cells[i & RING])
     return (end - first) * SIZE
 
 
@@ -68,7 +72,7 @@ def _is_known(cells: NDArray[np.uint8]) -> bool:
     """Return whether any of some cells is known."""
     known = np.uint8(0)
     for j in range(len(cells)):
-        known |= cells[j]
+        known |= cells[j] & np.uint8(KIND)
     return bool(known != UNKNOWN)
 
 
@@ -80,7 +84,7 @@ def _mark_column(cells: NDArray[np.uint8], walls: NDArray[np.uint8], within: NDA
     """
     some = np.uint8(0)
     for j in range(SIZE):
-        wall = np.uint8(cells[j] == WALL)
+        wall = np.uint8(cells[j] & np.uint8(KIND) == WALL)
         walls[j + 6] = wall
         some |= wall
     if some == 0:
@@ -108,7 +112,8 @@ def _join(left: NDArray[np.uint8], right: NDArray[np.uint8], both: NDArray[np.ui
 def _mark_ground(cells: NDArray[np.uint8], bits: NDArray[np.uint8]) -> None:
     """Write OPEN or UNSEEN to the bits of a column, or none."""
     for j in range(SIZE):
-        bits[j] = np.uint8(cells[j] == FREE) << np.uint8(4) | np.uint8(cells[j] == UNKNOWN) << np.uint8(5)
+        kind = cells[j] & np.uint8(KIND)
+        bits[j] = np.uint8(kind == FREE) << np.uint8(4) | np.uint8(kind == UNKNOWN) << np.uint8(5)
 
 
 @kernel
@@ -142,3 +147,12 @@ def _mark_far(
     for j in range(SIZE):
         far = (left[j] | right[j] | last[j]) & np.uint8(WITHIN_4 | WITHIN_6)
         bits[j] |= far | (outer_left[j] | outer_right[j]) & np.uint8(WITHIN_6)
+
+
+@kernel
+def _keep_nearness(bits: NDArray[np.uint8], cells: NDArray[np.uint8]) -> None:
+    """Write how near walls are to the cells of a column, by its bits: a nearer one is within the greater distances."""
+    for j in range(SIZE):
+        one = np.uint8(1)
+        level = (bits[j] >> np.uint8(7)) + (bits[j] & one) + ((bits[j] >> np.uint8(2)) & one)
+        cells[j] = cells[j] & np.uint8(255 - NEARNESS) | level << np.uint8(2)

@@ -10,7 +10,8 @@
    of the closed path, which the car reaches from behind. Else it is in a pocket, and the end of its path is opened
    again, 2, 4 and 6 m of it.
 4. From the frontier, distances spread back over the free ground. Ground near a wall counts as longer, so that the
-   shortest way goes round the end of a barrier on a circle and not along it.
+   shortest way goes round the end of a barrier on a circle and not along it. Of each block of two by two cells the
+   least distance is kept.
 
 Source: B. Yamauchi, A Frontier-Based Approach for Autonomous Exploration, IEEE CIRA 1997. Cells are marked by
 cell_marks, and distances are those of cell_distances.
@@ -29,13 +30,14 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
-from .cell_distances import FAR, LAST, UNIT, cell_at, dijkstra, flood, indices_of, neighbours
+from .cell_distances import BLOCKS, FAR, LAST, UNIT, cell_at, dijkstra, flood, indices_of, neighbours
 from .cell_marks import AT_WALL, HOLE, NEAR_WALL, OPEN, UNSEEN, WAY_BACK, mark_cells
 from .local_map import (
     ALONG,
     BEFORE,
     CELL,
     COS,
+    KIND,
     LEFT,
     LOCAL_MAP,
     PATH,
@@ -103,9 +105,9 @@ FRONTIER_SEARCH = np.dtype(
         ("y", np.float64),
         ("edge_x", np.float64),  # [m] of the nearest of its cells that is not near a wall
         ("edge_y", np.float64),
-        ("distance_to_goal", np.uint16, (SIZE, SIZE)),  # [UNIT], by column and row in the ring; FAR: not known
+        # [UNIT] of blocks of two by two cells, by half the column and the row in the ring; FAR: not known
+        ("distance_to_goal", np.uint16, (BLOCKS, BLOCKS)),
         ("nodes", np.int64),  # of all searches for a motion in this tick
-        ("blocked", np.uint8, (SIZE, SIZE)),  # bits, see NEAR_WALL, by column and row in the ring
     ]
 )
 """Type of the memory; zero at the beginning."""
@@ -157,7 +159,7 @@ def search_frontier(
 
 @kernel
 def look_again(geometry: Record, ranges: FloatArray, lidar_offset: float, memory: Record, every: int) -> None:
-    """Enter the scan and mark its walls in `memory.blocked`, `every` ticks after the last time.
+    """Enter the scan and mark how near its walls are, `every` ticks after the last time.
 
     Once the car has driven _LASTS_SEEN the frontier is searched, too. Other arguments as of `search_frontier`.
     """
@@ -169,7 +171,7 @@ def look_again(geometry: Record, ranges: FloatArray, lidar_offset: float, memory
     if memory.entered != memory.ticks:
         _enter(geometry, ranges, lidar_offset, memory)
     memory.marked = memory.ticks
-    mark_cells(memory.map, memory.blocked)
+    mark_cells(memory.map, np.empty((SIZE, SIZE), np.uint8))
 
 
 @kernel
@@ -191,10 +193,22 @@ def _enter(geometry: Record, ranges: FloatArray, lidar_offset: float, memory: Re
 
 
 @kernel
-def distance_to_goal_at(memory: Record, x: float, y: float) -> int:
-    """Return the way to go [UNIT] from a place [m], FAR where it is not known."""
-    i, j = math.floor(x * PER_METRE), math.floor(y * PER_METRE)
-    return memory.distance_to_goal[i & RING, j & RING] if in_window(memory.map, i, j) else FAR
+def distance_to_goal_at(memory: Record, x: float, y: float) -> float:
+    """Return the way to go [m] from a place, interpolated between the middles of blocks; inf where it is not known."""
+    if not in_window(memory.map, math.floor(x * PER_METRE), math.floor(y * PER_METRE)):
+        return math.inf
+    distances, last = memory.distance_to_goal, BLOCKS - 1
+    u, v = 0.5 * PER_METRE * x, 0.5 * PER_METRE * y
+    here = distances[math.floor(u) & last, math.floor(v) & last]
+    i, j = math.floor(u - 0.5), math.floor(v - 0.5)
+    u, v = u - 0.5 - i, v - 0.5 - j
+    a, b = distances[i & last, j & last], distances[i & last, (j + 1) & last]
+    c, d = distances[(i + 1) & last, j & last], distances[(i + 1) & last, (j + 1) & last]
+    if here == FAR:
+        return math.inf
+    if a == FAR or b == FAR or c == FAR or d == FAR:
+        return float(UNIT * here)
+    return float(UNIT * ((1.0 - u) * ((1.0 - v) * a + v * b) + u * ((1.0 - v) * c + v * d)))
 
 
 @kernel
@@ -205,9 +219,8 @@ def distance_to_goal_around(memory: Record, x: float, y: float) -> float:
         for i in range(-reach, reach + 1):
             for j in range(-reach, reach + 1):
                 if max(abs(i), abs(j)) == reach:
-                    cells = distance_to_goal_at(memory, x + i * CELL, y + j * CELL)
-                    if cells != FAR:
-                        least = min(least, cells * UNIT + reach * CELL)
+                    distance = distance_to_goal_at(memory, x + i * CELL, y + j * CELL)
+                    least = min(least, distance + reach * CELL)
         if least < math.inf:
             return least
     return math.inf
@@ -229,7 +242,7 @@ def least_distance_towards(
     least, at = FAR, 0
     for step in range(1, int(min(distance, SIGHT) / 0.2) + 1):  # all of these are in the window
         i, j = math.floor(x + step * step_x), math.floor(y + step * step_y)
-        cells = int(memory.distance_to_goal[i & RING, j & RING])
+        cells = int(memory.distance_to_goal[(i & RING) >> 1, (j & RING) >> 1])
         if cells < least:
             least, at = cells, step
     return (least * UNIT, 0.2 * at) if least != FAR else (math.inf, 0.0)
@@ -242,8 +255,8 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
     Below, a cell is a number: its column in the ring times SIZE, and its row. Arrays of cells are unsigned: else numba
     asks of each index if it is negative.
     """
-    world, blocked, bits = memory.map, memory.blocked, memory.blocked.reshape(SIZE * SIZE)
-    free = mark_cells(world, blocked)
+    world, bits = memory.map, np.empty(SIZE * SIZE, np.uint8)
+    free = mark_cells(world, bits.reshape(SIZE, SIZE))
     distance, goal = np.empty(SIZE * SIZE, np.uint16), np.empty(free + 1, np.uint16)
     queue, edge = np.empty(free + 1, np.uint16), np.empty(free + 1, np.uint16)
     queue[0] = cell_at(
@@ -311,8 +324,8 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
     memory.edge_x, memory.edge_y = memory.x, memory.y
     if not loop:
         _find_edge(memory, bits, goal[:count])
-    memory.distance_to_goal[:] = FAR
-    dijkstra(bits, memory.distance_to_goal.reshape(SIZE * SIZE), goal[:count], free, AT_WALL | impassable & HOLE)
+    distance[:], memory.distance_to_goal[:] = FAR, FAR
+    dijkstra(bits, distance, memory.distance_to_goal, goal[:count], free, AT_WALL | impassable & HOLE)
 
 
 @kernel
@@ -408,7 +421,7 @@ def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
                 walled = False  # the ground behind a thin barrier is another lane
                 for cells in range(-1, 3):
                     i, j = _aside(x, y, sin, cos, side * (room + cells * CELL))
-                    walled = walled or not in_window(world, i, j) or world.cells[i & RING, j & RING] == WALL
+                    walled = walled or not in_window(world, i, j) or world.cells[i & RING, j & RING] & KIND == WALL
                 if not walled and distance[(i & RING) * SIZE | j & RING] != FAR:
                     passed += 1
                     break
@@ -472,8 +485,7 @@ def _has_room_behind(
     group: NDArray[np.uint16],
     behind: NDArray[np.uint16],
 ) -> bool:
-    """Return whether a frontier may lead on: there is room behind it, or ground that the car does not reach otherwise.
-    """
+    """Return whether a frontier may lead on: to room behind it, or to ground that the car does not reach otherwise."""
     count, reached, at, leads_on = len(group), 0, 0, False
     while at < count + reached and not leads_on:
         index = group[at] if at < count else behind[at - count]

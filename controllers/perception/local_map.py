@@ -2,7 +2,7 @@
 
 A scan shows what can be seen from one place. In a hairpin round a thin barrier the road ahead is hidden until the car
 is in it, and what was seen a second ago is then behind the car. So the free ground and the walls of the last scans are
-kept on a grid, by dead reckoning. Dead reckoning drifts: a cell is unknown again when the car has driven `_FORGET`
+kept on a grid, by dead reckoning. Dead reckoning drifts: a cell is unknown again when the car has driven 16 to 18 m
 since it was seen.
 
 A scan is entered in two steps. The cells along its beams become free. Then the cells at the ends of its beams
@@ -37,13 +37,15 @@ CELL = 0.1  # [m]
 PER_METRE = 10.0  # cells: a product takes a quarter of the time of a quotient
 EDGE = SIZE // 2 - 2  # cells from the car's own that are kept
 SIGHT = 9.8  # [m] along a beam that is entered
-UNKNOWN, FREE, WALL = 0, 1, 2
+KIND, UNKNOWN, FREE, WALL = 3, 0, 1, 2
+NEARNESS, WALL_IN_4, WALL_IN_2, WALL_IN_1 = 12, 4, 8, 12
+"""Bits of a cell, see `cells`: how near a wall was when cell_marks last looked: within four cells, two or one."""
 
 PATH = 160  # points of the path that are kept
 RIGHT, LEFT, ALONG, SIN, COS = range(3, 8)  # columns of the path, after x, y and heading; the last two are of that
 
-_FORGET = 72  # quarters of a metre: longer than the path that is closed (frontiers)
-_SWEPT = 8  # rows that are searched for old cells each time: all of them within 32 entries
+_FORGET = 8  # times 2 m: longer than the path that is closed (frontiers)
+_SWEPT = 16  # rows that are searched for old cells each time: all of them within 16 entries
 _STEP = 0.09  # [m] along a beam, below a cell
 _FINEST = math.radians(0.5)  # between the beams that are entered: a cell at 11 m
 _COARSEST = 8  # only every so many beams are followed from the LiDAR on; those between from where they are apart
@@ -75,8 +77,9 @@ LOCAL_MAP = np.dtype(
         ("column", np.int64),  # of the cell of the rear axle
         ("row", np.int64),
         ("swept", np.int64),  # row that was last searched for old cells
-        ("cells", np.uint8, (SIZE, SIZE)),  # UNKNOWN, FREE or WALL, by column and row in the ring
-        ("seen", np.uint8, (SIZE, SIZE)),  # `driven` when the cell was seen, in quarters of a metre modulo 256
+        # by column and row in the ring; bits, from the lowest: 2 of KIND, 2 of NEARNESS, and 4 of when the cell was
+        # seen: `driven` then, in 2 m modulo 16
+        ("cells", np.uint8, (SIZE, SIZE)),
         # ring buffer: x, y [m], heading [rad], room to the right and left, along [m], sine and cosine of the heading
         ("path", np.float64, (PATH, 8)),
         ("newest", np.int64),  # index of the last point of the path
@@ -153,8 +156,7 @@ def enter_scan(memory: Record, geometry: Record, ranges: FloatArray, lidar_offse
       ranges: readings (n,) [m], without NaN or inf.
       lidar_offset: of the LiDAR ahead of the rear axle [m].
     """
-    cells, seen = memory.cells, memory.seen
-    now = int(memory.driven * 4.0) & 255
+    cells, now = memory.cells, (int(memory.driven * 0.5) & 15) << 4
     _forget(memory, now)
     stride = max(1, int(_FINEST / geometry.angle_increment + 1e-6))
     count = (len(ranges) + stride - 1) // stride
@@ -180,7 +182,7 @@ def enter_scan(memory: Record, geometry: Record, ranges: FloatArray, lidar_offse
             x, y = (x0 + first * cos) * PER_METRE, (y0 + first * sin) * PER_METRE
             for _ in range(int((last - first) / _STEP) + 1):
                 i, j = math.floor(x) & RING, math.floor(y) & RING
-                cells[i, j], seen[i, j] = FREE, now
+                cells[i, j] = cells[i, j] & NEARNESS | FREE | now
                 x += _STEP / CELL * cos
                 y += _STEP / CELL * sin
         cos, sin = cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
@@ -198,7 +200,7 @@ def enter_scan(memory: Record, geometry: Record, ranges: FloatArray, lidar_offse
             share = part / parts if part > 0 else 0.0
             i = math.floor((x + share * (before_x - x)) * PER_METRE) & RING
             j = math.floor((y + share * (before_y - y)) * PER_METRE) & RING
-            cells[i, j], seen[i, j] = WALL, now
+            cells[i, j] = cells[i, j] & NEARNESS | WALL | now
 
 
 @kernel
@@ -227,10 +229,10 @@ def _forget(memory: Record, now: int) -> None:
     """Make the cells of some rows unknown that were seen too long ago."""
     for _ in range(_SWEPT):
         memory.swept = (memory.swept + 1) & RING
-        cells, seen = memory.cells[memory.swept], memory.seen[memory.swept]
+        cells = memory.cells[memory.swept]
         for j in range(SIZE):
-            if ((now - seen[j]) & 255) > _FORGET:
-                cells[j] = UNKNOWN
+            age = np.uint8(now - (cells[j] & np.uint8(240))) >> np.uint8(4)
+            cells[j] = np.uint8(UNKNOWN) if age > _FORGET else cells[j]
 
 
 @kernel

@@ -39,7 +39,6 @@ from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Setti
 from ..control.slip import fastest_on, late_on_path, lock_arc
 from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_point, steer_along
-from ..perception.cell_marks import AT_WALL, NEAR_WALL
 from ..perception.frontiers import (
     FRONTIER_SEARCH,
     distance_to_goal_around,
@@ -48,7 +47,7 @@ from ..perception.frontiers import (
     look_again,
     search_frontier,
 )
-from ..perception.local_map import SIGHT, forget, move
+from ..perception.local_map import SIGHT, WALL_IN_1, WALL_IN_2, forget, move
 from ..perception.scan_geometry import beams_between, bearing_of, looks_ahead, period_of, sees
 from .motion_search import MOST_LOCK, MOST_NODES, MOTION, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
@@ -250,7 +249,7 @@ def _planner_drives(
     )  # walls that are not marked would be driven into
     if not search_motion(
         frontier, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
-        settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, min(_NODES, MOST_NODES - frontier.nodes),
+        settings.horizon + 0.1 * speed * speed, WALL_IN_2, False, min(_NODES, MOST_NODES - frontier.nodes),
     ):  # fmt: skip
         return False
     memory.follows = False
@@ -287,12 +286,14 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
         if not found:
             nodes = min(_NODES, MOST_NODES - frontier.nodes)
             found = search_motion(
-                frontier, limiter, trial, present, speed, lag, grip, lock, horizon, NEAR_WALL, False, nodes
+                frontier, limiter, trial, present, speed, lag, grip, lock, horizon, WALL_IN_2, False, nodes
             )
     if not found and speed < 2.0:
         narrow = True
         nodes = min(_NODES, MOST_NODES - frontier.nodes)
-        found = search_motion(frontier, limiter, trial, present, speed, lag, 1.0, MOST_LOCK, 2.0, AT_WALL, False, nodes)
+        found = search_motion(
+            frontier, limiter, trial, present, speed, lag, 1.0, MOST_LOCK, 2.0, WALL_IN_1, False, nodes
+        )
     if found:
         memory.motion.count = trial.count
         memory.motion.points[:] = trial.points
@@ -313,7 +314,7 @@ def _is_on_motion(memory: Record, car: Record) -> bool:
         return False
     for k in range(memory.progress, motion.count):
         point = motion.points[k]
-        if not is_clear(memory.frontier, car, point[X], point[Y], point[HEADING], AT_WALL):
+        if not is_clear(memory.frontier, car, point[X], point[Y], point[HEADING], WALL_IN_1):
             return False
     return True
 

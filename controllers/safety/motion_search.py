@@ -27,10 +27,8 @@ from fg_mujoco.compiled.kernels import kernel
 
 from ..control.planner_settings import Record
 from ..control.slip import lock_arc
-from ..perception.cell_distances import FAR, UNIT
-from ..perception.cell_marks import AT_WALL
 from ..perception.frontiers import distance_to_goal_around, distance_to_goal_at
-from ..perception.local_map import FREE, PER_METRE, RING, SIZE, WALL, in_window
+from ..perception.local_map import FREE, KIND, NEARNESS, PER_METRE, RING, SIZE, WALL, WALL_IN_1, in_window
 from .friction_limiter import longitudinal_share
 
 DIRECTION = 4  # column of a motion, after those of control.tracking
@@ -96,7 +94,7 @@ def search_motion(
       grip: share of the cornering acceleration that may be used.
       lock: share of the curvature at full lock that may be used.
       horizon: [m].
-      nearest: which cells have to be clear of, NEAR_WALL or AT_WALL.
+      nearest: NEARNESS of walls from which on it is too near, WALL_IN_2 or WALL_IN_1.
       reverses: the car may drive in reverse, too.
       most_nodes: after which the search ends. `frontier.nodes` counts them; all searches of a tick have MOST_NODES.
     """
@@ -130,7 +128,7 @@ def search_motion(
     share[0] = round(min(max(curvature / most, -1.0), 1.0) * middle) + middle
     direction[0], parent[0], value[0], heap[0] = 1, -1, whole, 0
     clear = _discs_are_clear(frontier, car, start[0], start[1], start[6], start[7], nearest)
-    compares = reverses or nearest == AT_WALL or not clear  # the outline with the ends of beams
+    compares = reverses or nearest == WALL_IN_1 or not clear  # the outline with the ends of beams
     ends, hits, margin = _sorted_ends(world, world.ends_known if compares else 0), 0, _MARGIN
     if compares:
         hits = outline_in_walls(world, car, start[0], start[1], start[6], start[7])
@@ -162,11 +160,12 @@ def search_motion(
                 continue
             touching = not clear and here[5] < _TOUCHING_LENGTH
             cos, sin = _arc(arcs, to_share, _WHOLE, turn_rate, length, to, here, after)
-            cells = distance_to_goal_at(frontier, after[0] + offset * cos, after[1] + offset * sin)
-            if cells == FAR and to == 1 and not touching and here[5] > _UNKNOWN_LENGTH:
+            distance_to_goal = distance_to_goal_at(frontier, after[0] + offset * cos, after[1] + offset * sin)
+            if distance_to_goal == math.inf and to == 1 and not touching and here[5] > _UNKNOWN_LENGTH:
                 continue
-            distance_to_goal = cells * UNIT if cells != FAR else rest + length
-            key = _key(after, 2 if nearest == AT_WALL else 1, to)
+            if distance_to_goal == math.inf:
+                distance_to_goal = rest + length
+            key = _key(after, 2 if nearest == WALL_IN_1 else 1, to)
             slot = _slot(table, key)
             if table[slot] == key:  # a motion has come there
                 continue
@@ -175,7 +174,7 @@ def search_motion(
             _arc(arcs, to_share, _HALF, turn_rate, length, to, here, after)
             dx, dy = after[0] - world.x, after[1] - world.y
             close = dx * dx + dy * dy < _EXACT * _EXACT
-            exact, corners = close and nearest == AT_WALL, close and reverses  # three discs leave the corners out
+            exact, corners = close and nearest == WALL_IN_1, close and reverses  # three discs leave the corners out
             compared, passes = touching or exact, True
             for part in range(len(_PARTS)):
                 if compared == (part == _HALF) and part < _WHOLE:
@@ -224,7 +223,7 @@ def _discs_are_clear(frontier: Record, car: Record, x: float, y: float, cos: flo
     for k in range(3):
         offset = back + 0.5 * k * (front - back)
         i, j = math.floor((x + offset * cos) * PER_METRE), math.floor((y + offset * sin) * PER_METRE)
-        if not in_window(frontier.map, i, j) or frontier.blocked[i & RING, j & RING] & nearest != 0:
+        if not in_window(frontier.map, i, j) or frontier.map.cells[i & RING, j & RING] & NEARNESS >= nearest:
             return False
     return True
 
@@ -238,7 +237,7 @@ def outline_in_walls(world: Record, car: Record, x: float, y: float, cos: float,
         for side in (-0.5 * car.width, 0.5 * car.width):
             i = math.floor((x + index * cos - side * sin) * PER_METRE)
             j = math.floor((y + index * sin + side * cos) * PER_METRE)
-            hits += world.cells[i & RING, j & RING] == WALL
+            hits += world.cells[i & RING, j & RING] & KIND == WALL
     return hits
 
 
@@ -318,7 +317,7 @@ def _tail_is_seen(world: Record, car: Record, x: float, y: float, cos: float, si
     """Return whether the ground under the car's tail was seen; the LiDAR does not look backwards."""
     i = math.floor((x - car.rear_overhang * cos) * PER_METRE)
     j = math.floor((y - car.rear_overhang * sin) * PER_METRE)
-    return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] == FREE)
+    return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] & KIND == FREE)
 
 
 @kernel

@@ -45,8 +45,7 @@ from ..control.slip import held_arc, late_on_path, path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, late_by, pursue
 from ..control.tracking import next_point, steer_along
-from ..perception.cell_marks import NEAR_WALL, OPEN, WITHIN_4
-from ..perception.local_map import PER_METRE, RING, in_window
+from ..perception.local_map import FREE, KIND, NEARNESS, PER_METRE, RING, in_window
 from ..perception.scan_geometry import nearest_beam
 from .friction_limiter import FrictionLimiterSettings, limited
 from .predictions import WAIT, WAITS, meets
@@ -369,7 +368,7 @@ def _was_seen(ground: Record, x: float, y: float, cos: float, sin: float, ahead:
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     i = math.floor((world.x + cos * x - sin * y) * PER_METRE)
     j = math.floor((world.y + sin * x + cos * y) * PER_METRE)
-    return bool(in_window(world, i, j) and ground.blocked[i & RING, j & RING] & (OPEN | NEAR_WALL | WITHIN_4) == OPEN)
+    return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] & (KIND | NEARNESS) == FREE)
 
 
 @kernel

@@ -17,7 +17,7 @@ from fg_mujoco.compiled.kernels import kernel
 from ..control.planner_settings import Record
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y
-from ..perception.cell_marks import AT_WALL, NEAR_WALL
+from ..perception.local_map import WALL_IN_1, WALL_IN_2
 from .motion_search import (
     DIRECTION,
     MOST_IN_WALLS,
@@ -116,7 +116,7 @@ def _begins(frontier: Record, limiter: Record, memory: Record, steering_angle: f
     curvature = math.tan(steering_angle) / car.wheelbase
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     for attempt in range(2):  # the second has what the first leaves of the nodes, so next time the other one begins
-        nearest = NEAR_WALL if (attempt + memory.failed) % 2 == 0 else AT_WALL
+        nearest = WALL_IN_2 if (attempt + memory.failed) % 2 == 0 else WALL_IN_1
         nodes = MOST_NODES - frontier.nodes
         if search_motion(
             frontier, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, nodes

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cases import each
-from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, cell, lines, middles, seen_from
+from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, cell, kinds, lines, middles, seen_from
 from fg_mujoco.controllers.control.planner_settings import CAR_RECORD, record_values
 from fg_mujoco.controllers.perception.local_map import (
     ALONG,
@@ -112,7 +112,7 @@ def test_a_room_is_free_within_its_walls_are_walls_and_what_is_beyond_is_unknown
     distance = np.hypot(away_x, away_y)
     visible = np.abs(bearing) + np.arctan2(CELL, distance) < BEARINGS[-1]
     depth = np.minimum.reduce([x + 2.05, 4.05 - x, y + 1.55, 2.05 - y])  # into the room; negative outside of it
-    cells = memory["cells"]
+    cells = kinds(memory)
     inside = visible & (depth > 1.5 * CELL) & (distance > 2.0 * CELL)
     assert inside.sum() > 500 and (cells[inside] == FREE).all()
     walls = visible & (np.abs(depth) < 0.01)
@@ -126,41 +126,41 @@ def test_what_moved_on_is_forgotten_when_its_place_is_seen_through_and_not_befor
     post = np.where(np.abs(BEARINGS) < 0.1, 2.0, 6.0)
     see(memory, post)
     place, behind = cell(CAR.lidar_offset + 2.02, 0.02), cell(CAR.lidar_offset + 4.0, 0.02)
-    assert memory["cells"][place] == WALL and memory["cells"][behind] == UNKNOWN
+    assert kinds(memory)[place] == WALL and kinds(memory)[behind] == UNKNOWN
     see(memory, np.where(np.abs(BEARINGS) < 0.1, 1.0, 6.0))  # it is hidden
-    assert memory["cells"][place] == WALL and memory["cells"][behind] == UNKNOWN
+    assert kinds(memory)[place] == WALL and kinds(memory)[behind] == UNKNOWN
     see(memory, np.full(len(BEARINGS), 6.0))
-    assert memory["cells"][place] == FREE and memory["cells"][behind] == FREE
+    assert kinds(memory)[place] == FREE and kinds(memory)[behind] == FREE
     see(memory, post)
-    assert memory["cells"][place] == WALL and memory["cells"][behind] == FREE
+    assert kinds(memory)[place] == WALL and kinds(memory)[behind] == FREE
 
 
-def test_cells_are_known_for_eighteen_metres_and_not_for_longer():
+def test_cells_are_known_for_sixteen_metres_and_at_most_for_eighteen():
     memory = new()
     see(memory, OPEN)
     far = cell(6.0, 3.0)
-    assert memory["cells"][far] == FREE
-    for _ in range(round(17.5 / 0.05)):
+    assert kinds(memory)[far] == FREE
+    for _ in range(round(15.9 / 0.05)):
         drive(memory, 0.05, 2.0)  # round in a circle of 1 m
         see(memory, NOTHING)
-    assert memory["cells"][far] == FREE
-    for _ in range(round(0.75 / 0.05) + 32):  # eighteen and a quarter, and until all rows have been searched
+    assert kinds(memory)[far] == FREE
+    for _ in range(round(2.15 / 0.05) + 16):  # eighteen, and until all rows have been searched
         drive(memory, 0.05, 2.0)
         see(memory, NOTHING)
-    assert memory["cells"][far] == UNKNOWN and in_window(memory, 60, 30)
+    assert kinds(memory)[far] == UNKNOWN and in_window(memory, 60, 30)
 
 
 def test_cells_that_left_the_window_come_back_unknown():
     memory = new()
     see(memory, OPEN)
     gone, kept = cell(-4.5, 7.5), cell(0.0, 7.5)
-    assert memory["cells"][gone] == memory["cells"][kept] == FREE
+    assert kinds(memory)[gone] == kinds(memory)[kept] == FREE
     drive(memory, 7.7)  # less than after which cells are too old
-    assert memory["cells"][gone] == FREE and in_window(memory, -45, 75)
+    assert kinds(memory)[gone] == FREE and in_window(memory, -45, 75)
     drive(memory, 1.0)
     assert not in_window(memory, -45, 75)
     drive(memory, -2.0)
-    assert in_window(memory, -45, 75) and memory["cells"][gone] == UNKNOWN and memory["cells"][kept] == FREE
+    assert in_window(memory, -45, 75) and kinds(memory)[gone] == UNKNOWN and kinds(memory)[kept] == FREE
 
 
 @each("motion", [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0), (-math.inf, 1.0)])
@@ -182,7 +182,7 @@ def test_after_a_jump_nothing_is_known_but_what_is_seen_then(distance):
     move(memory, distance / PERIOD, 0.0, PERIOD)
     assert memory["x"] == pytest.approx(distance) and not memory["cells"].any()
     see(memory, OPEN)
-    assert memory["cells"][cell(distance + 3.0, 0.0)] == FREE
+    assert kinds(memory)[cell(distance + 3.0, 0.0)] == FREE
 
 
 @pytest.mark.slow

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cases import each
+from drawn_worlds import least_of_blocks
 from fg_mujoco.controllers.perception.cell_distances import FAR
-from fg_mujoco.controllers.perception.cell_marks import AT_WALL, NEAR_WALL
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
-from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, WALL
+from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, SIZE, WALL, WALL_IN_1, WALL_IN_2
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.controllers.safety.motion_search import MOTION, search_motion, touches
 from scan_worlds import CAR, MU
@@ -42,9 +42,8 @@ def world(walls, goal):
     """
     way = np.zeros(1, FRONTIER_SEARCH)[0]
     way["found"] = True
-    way["map"]["cells"][INDEX] = np.where(walls, WALL, FREE)
     at, near = grown(walls, offsets(1, 0)), grown(walls, offsets(2, 1))
-    way["blocked"][INDEX] = at * AT_WALL | near * NEAR_WALL
+    way["map"]["cells"][INDEX] = np.where(walls, WALL, FREE) | np.where(at, WALL_IN_1, near * WALL_IN_2)
     way["distance_to_goal"][:] = FAR
     distance_to_goal = np.full(X.shape, FAR)
     front = np.hypot(X - goal[0], Y - goal[1]) < 0.15
@@ -54,7 +53,9 @@ def world(walls, goal):
         length += int(100 * CELL)
         front = grown(front, offsets(1, 0)) & (distance_to_goal == FAR) & ~at
         front[[0, -1], :] = front[:, [0, -1]] = False
-    way["distance_to_goal"][INDEX] = distance_to_goal
+    fine = np.full((SIZE, SIZE), FAR)
+    fine[INDEX] = distance_to_goal
+    way["distance_to_goal"] = least_of_blocks(fine)
     return way
 
 
@@ -65,7 +66,7 @@ def u_turn(lane, barrier=0.1):
     return ~inside | ((X < 1.0) & (low < Y) & (high > Y))
 
 
-def search(way, speed=0.0, curvature=0.0, reverses=False, horizon=100.0, nearest=NEAR_WALL, grip=GRIP, nodes=NODES):
+def search(way, speed=0.0, curvature=0.0, reverses=False, horizon=100.0, nearest=WALL_IN_2, grip=GRIP, nodes=NODES):
     motion = np.zeros(1, MOTION)[0]
     limiter = LIMITER.record[0]
     found = search_motion(
@@ -155,7 +156,7 @@ def test_a_u_turn_that_is_narrower_than_the_turning_circle_is_turned_in_reverse_
     assert 2.0 * lane + 0.1 < 2.0 / TIGHTEST + CAR.width
     for speed in (0.0, 1.0):
         assert not search(world(u_turn(lane), (-1.5, 0.9)), speed)["found"]
-    motion = search(world(u_turn(lane), (-1.5, 0.9)), reverses=True, nearest=AT_WALL)
+    motion = search(world(u_turn(lane), (-1.5, 0.9)), reverses=True, nearest=WALL_IN_1)
     assert motion["found"]
     places = poses(motion)
     assert (places[1:, 4] == -1.0).any() and places[-1, 4] == 1.0
@@ -185,7 +186,7 @@ def test_the_nodes_of_searches_are_counted_and_no_more_than_allowed(reverses):
         before = int(way["nodes"])
         motion = np.zeros(1, MOTION)[0]
         search_motion(
-            way, LIMITER.record[0], motion, 0.0, 0.0, 0.0, GRIP, 0.97, 100.0, NEAR_WALL, reverses, nodes
+            way, LIMITER.record[0], motion, 0.0, 0.0, 0.0, GRIP, 0.97, 100.0, WALL_IN_2, reverses, nodes
         )  # fmt: skip
         counts.append(int(way["nodes"]) - before)
         assert 0 < counts[-1] <= nodes

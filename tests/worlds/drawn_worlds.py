@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH, search_frontier
-from fg_mujoco.controllers.perception.local_map import CELL, RING, SIZE
+from fg_mujoco.controllers.perception.local_map import CELL, KIND, RING, SIZE
 from fg_mujoco.controllers.perception.scan_geometry import SCAN_GEOMETRY
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR, INCREMENT
@@ -44,6 +44,16 @@ def seen_from(walls, x, y, headings, longest=30.0):
 def cell(x, y):
     """The cell of a place, in the ring."""
     return math.floor(x / CELL) & RING, math.floor(y / CELL) & RING
+
+
+def kinds(memory):
+    """Which cells of a local map are unknown, free or walls, by their index in the ring."""
+    return memory["cells"] & KIND
+
+
+def least_of_blocks(distance):
+    """The least of each two by two cells."""
+    return distance.reshape(SIZE // 2, 2, SIZE // 2, 2).min(axis=(1, 3))
 
 
 def middles(memory):
@@ -93,5 +103,6 @@ class Driven:
 
     def distance_to_goal(self, x, y):
         """The way to go from a place [m], inf where it is not known."""
-        cells = self.frontier["distance_to_goal"][cell(x, y)]
-        return math.inf if cells == 65535 else cells * 0.01
+        i, j = cell(x, y)
+        distance = self.frontier["distance_to_goal"][i // 2, j // 2]
+        return math.inf if distance == 65535 else distance * 0.01
