@@ -28,7 +28,16 @@ from fg_mujoco.messages import FloatArray
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
-from ..safety.guidance import follow_frontier, keep_stop, path_ahead, stop_ahead
+from ..safety.guidance import (
+    MOTION_LEADS,
+    NOBODY_LEADS,
+    PLANNER_LEADS,
+    TURN_LEADS,
+    follow_frontier,
+    keep_stop,
+    path_ahead,
+    stop_ahead,
+)
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
 from ..safety.recovery import angle_along_history, extend_history, reverses
@@ -107,17 +116,21 @@ def guide_reference(tick: Tick) -> None:
         for row in memory.predictions.rows[: memory.predictions.count]:
             if math.hypot(row[X], row[Y]) < _NO_MOVES:
                 turning.active = False
-    own_reference = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
-    settings, guidance = driver.guidance_settings, memory.guidance
-    follow_frontier(geometry, tick.ranges_without_cars, odometry, driver.limiter, settings, guidance, reference)
-    if reference.lane_points > 0:
-        reference.steering_angle, reference.speed, reference.bearing, reference.distance = own_reference
+    settings, guidance, ranges = driver.guidance_settings, memory.guidance, tick.ranges_without_cars
+    lead = follow_frontier(geometry, ranges, odometry, driver.limiter, settings, guidance, reference)
+    memory.lead, memory.knows_speed = lead.who, lead.knows_speed
+    on_lane = reference.lane_points > 0
+    if lead.who == PLANNER_LEADS and not on_lane:
+        reference.speed = min(reference.speed, lead.speed)
+    elif lead.who != TURN_LEADS and not on_lane:
+        reference.steering_angle, reference.speed = lead.steering_angle, lead.speed
+        reference.bearing, reference.distance = lead.bearing, lead.distance
     log_step(memory.reasons, GUIDED, reference.steering_angle, reference.speed)
-    if turning.active and reference.lane_points == 0:
-        log_step(memory.reasons, MOVES, turning.steering_angle, turning.speed)
+    if lead.who == TURN_LEADS and not on_lane:
+        log_step(memory.reasons, MOVES, lead.steering_angle, lead.speed)
         extend_path_history(tick.record)
         least = driver.limiter.settings.least_lateral_use
-        tick.command[0], tick.command[1] = apply_limits(tick.record, turning.steering_angle, turning.speed, least)
+        tick.command[0], tick.command[1] = apply_limits(tick.record, lead.steering_angle, lead.speed, least)
         tick.record.decided = True
 
 
@@ -276,7 +289,8 @@ def _drive_filtered(
         log_step(memory.reasons, AFTER_RECOVERY, steering_angle, speed)
     guidance = memory.guidance
     keeps = len(lane) > 0
-    knows_speed, path = guidance.knows_speed and not keeps, path_ahead(guidance)
+    follows, knows_speed = memory.lead == MOTION_LEADS and not keeps, memory.knows_speed and not keeps
+    path = path_ahead(guidance)
     if keeps:
         path = lane.copy()
     reference_speed = speed if knows_speed else min(speed, max(in_sight, settings.crawl_speed))
@@ -311,7 +325,7 @@ def _drive_filtered(
         reference_speed, angle, now, period, path, memory.passed_filter, predictions, radius, guidance.frontier,
     )  # fmt: skip
     passed, memory.passed_filter = memory.passed_filter, found and safe == reference
-    if memory.passed_filter and guidance.follows and not keeps:
+    if memory.passed_filter and follows:
         keep_stop(guidance)
     if passed and not memory.passed_filter and now > settings.crawl_speed and len(predictions) == 0 and not among:
         margin = settings.margin_kept * (settings.margin if len(path) == 0 else settings.margin_aside)
@@ -340,7 +354,7 @@ def _drive_filtered(
                 use_without = least if least >= 0.0 else use_without
             return apply_limits(tick.record, steering_angle, 0.0, use_without)
     stands = abs(now) < settings.standing_speed
-    leads_on, waits = found and not guidance.stuck, memory.predictions.count > 0 or not guidance.frontier.found
+    leads_on, waits = found and memory.lead != NOBODY_LEADS, memory.predictions.count > 0 or not guidance.frontier.found
     if driver.recovery and reverses(history, driver.recovery_settings, stands, leads_on, waits, period):
         back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
         log_step(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
@@ -359,12 +373,12 @@ def _drive_filtered(
                     log_step(memory.reasons, SAFETY_FILTER, on_last, 0.0)
                     return apply_limits(tick.record, on_last, 0.0, use_last)
         speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
-        if guidance.follows and not keeps:  # it is free, as far as its search could tell
+        if follows:  # it is free, as far as its search could tell
             log_step(memory.reasons, SAFETY_FILTER, steering_angle, speed)
             return apply_limits(tick.record, steering_angle, speed, 1.0)
         log_step(memory.reasons, SAFETY_FILTER, safe, speed)
         return apply_limits(tick.record, safe, speed, use)
-    if safe != reference and guidance.follows and not keeps and len(predictions) == 0:
+    if safe != reference and follows and len(predictions) == 0:
         on_motion = least_cornering(
             limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, angle,
             now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius, guidance.frontier,

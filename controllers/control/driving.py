@@ -129,6 +129,8 @@ DRIVING_MEMORY = np.dtype(
         ("limiter", LIMITER_MEMORY),
         ("history", PATH_HISTORY),
         ("guidance", GUIDANCE),
+        ("lead", np.int64),  # who leads the car on, see PLANNER_LEADS of guidance,
+        ("knows_speed", np.bool_),  # and whether the speed is that of a motion, which is free farther than is in sight
         ("speedometer", SPEEDOMETER),
         ("velocity_frame", VELOCITY_FRAME),
         ("predictions", PREDICTIONS),

@@ -13,8 +13,8 @@
    shortest way goes round the end of a barrier on a circle and not along it. Of each block of two by two cells the
    least distance is kept.
 
-Source: B. Yamauchi, A Frontier-Based Approach for Autonomous Exploration, IEEE CIRA 1997. Cells are marked by
-cell_marks, and distances are those of cell_distances.
+Source: B. Yamauchi, A Frontier-Based Approach for Autonomous Exploration, IEEE CIRA 1997. Cells are marked, and
+distances spread, by cells.
 
 Limits: a wide opening into a pocket whose end the car does not see yet is taken for a frontier.
 """
@@ -22,6 +22,7 @@ Limits: a wide opening into a pocket whose end the car does not see yet is taken
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,24 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
-from .cell_distances import BLOCKS, FAR, LAST, UNIT, cell_at, dijkstra, flood, indices_of, neighbours
-from .cell_marks import AT_WALL, HOLE, NEAR_WALL, OPEN, UNSEEN, WAY_BACK, mark_cells
+from .cells import (
+    AT_WALL,
+    BLOCKS,
+    FAR,
+    HOLE,
+    LAST,
+    NEAR_WALL,
+    OPEN,
+    UNIT,
+    UNSEEN,
+    WAY_BACK,
+    cell_at,
+    dijkstra,
+    flood,
+    indices_of,
+    mark_cells,
+    neighbours,
+)
 from .local_map import (
     ALONG,
     BEFORE,
@@ -248,84 +265,125 @@ def least_distance_towards(
     return (least * UNIT, 0.2 * at) if least != FAR else (math.inf, 0.0)
 
 
+class _Ground(NamedTuple):
+    """The cells of the map in one search: each is a number, its column in the ring times SIZE, and its row.
+
+    Arrays of cells are unsigned: else numba asks of each index if it is negative.
+    """
+
+    bits: NDArray[np.uint8]  # of each cell, see cells
+    distance: NDArray[np.uint16]  # of each cell from the car, in cells
+    queue: NDArray[np.uint16]  # cells in the order of that distance; the first is that of the LiDAR
+    edge: NDArray[np.uint16]  # those of them at ground that nobody has seen
+    goal: NDArray[np.uint16]  # cells of the frontier
+    free: int  # how many cells may be free
+
+
 @kernel
 def _find_frontier(memory: Record, lidar_offset: float) -> None:
-    """Search the frontier, and write each cell's distance to it.
-
-    Below, a cell is a number: its column in the ring times SIZE, and its row. Arrays of cells are unsigned: else numba
-    asks of each index if it is negative.
-    """
+    """Search the frontier, and write the distance to it."""
     world, bits = memory.map, np.empty(SIZE * SIZE, np.uint8)
     free = mark_cells(world, bits.reshape(SIZE, SIZE))
-    distance, goal = np.empty(SIZE * SIZE, np.uint16), np.empty(free + 1, np.uint16)
-    queue, edge = np.empty(free + 1, np.uint16), np.empty(free + 1, np.uint16)
-    queue[0] = cell_at(
+    ground = _Ground(
+        bits, np.empty(SIZE * SIZE, np.uint16), np.empty(free + 1, np.uint16), np.empty(free + 1, np.uint16),
+        np.empty(free + 1, np.uint16), free,
+    )  # fmt: skip
+    ground.queue[0] = cell_at(
         world.x + lidar_offset * math.cos(world.heading), world.y + lidar_offset * math.sin(world.heading)
     )
-    loop, count, closings = False, 0, 0
-    open_ground = False
-    a_lap_ago = _lap_ago(world)
-    lap = world.along - world.path[a_lap_ago, ALONG]
-    for left in _LEFT_OF_LAP:
-        ahead = min(lap - left, _AHEAD_ON_LAP)
-        if lap > 0.0 and count == 0 and ahead > 0.0:
-            if closings > 0:
-                _open_path(bits)
-            closings += 1
-            _close_path(world, bits, _OPENED, lap - ahead - _APART, False)
-            distance[:] = FAR
-            distance[queue[0]] = 0
-            flood(world, bits, distance, queue, edge, AT_WALL | HOLE)
-            index = a_lap_ago
-            while index != world.newest and world.path[index, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
-                index = (index + 1) % PATH
-            cell = cell_at(world.path[index, 0], world.path[index, 1])
-            if index != world.newest and distance[cell] != FAR:
-                goal[0], count, loop = cell, 1, True
-                memory.x, memory.y = world.path[index, 0], world.path[index, 1]
+    count, loop, impassable = _find_on_lap(memory, ground), True, AT_WALL | HOLE
     memory.on_lap = count > 0
-    impassable = AT_WALL | HOLE
-    for attempt in range(len(_ATTEMPTS) if count == 0 else 0):
-        opened, closed, impassable = _ATTEMPTS[attempt]
-        for _ in range(2):
-            if closings > 0:
-                _open_path(bits)
-            closings += 1
-            _close_path(world, bits, opened, closed, open_ground)
-            distance[:] = FAR
-            distance[queue[0]] = 0
-            reached, edges = flood(world, bits, distance, queue, edge, impassable)
-            if attempt > 0 or open_ground or not _is_open_ground(world, distance):
-                break
-            open_ground = True
-        if closed < _CLOSED and open_ground:
-            continue
-        least = _LEAST_FRONTIER if opened == _OPENED else _LEAST_FRONTIER_BACK
-        if closed == _CLOSED:
-            count = _choose_frontier(memory, bits, distance, edge[:edges], least, goal)
-        if count > 0:
-            if opened > _OPENED:
-                cut_path(world, max(world.along - opened, world.furthest - _POCKET))
-            break
-        if closed < _CLOSED:
-            index = reached - 1
-            while index > 0:
-                if _is_next_to_path(world, bits, queue[index]) and _comes_from_behind(world, distance, queue[index]):
-                    break
-                index -= 1
-            loop = distance[queue[index]] * CELL > _LEAST_LOOP
-            if loop:
-                goal[0], count = queue[index], 1
-                a, b = indices_of(world, queue[index])
-                memory.x, memory.y = a * CELL, b * CELL
-                break
+    if count == 0:
+        count, loop, impassable = _find_ahead(memory, ground)
     memory.found = count > 0
     memory.hidden = memory.found and not loop and math.hypot(memory.x - world.x, memory.y - world.y) < SIGHT - 1.0
     memory.edge_x, memory.edge_y = memory.x, memory.y
     if not loop:
-        _find_edge(memory, bits, goal[:count])
-    distance[:], memory.distance_to_goal[:] = FAR, FAR
-    dijkstra(bits, distance, memory.distance_to_goal, goal[:count], free, AT_WALL | impassable & HOLE)
+        _find_edge(memory, bits, ground.goal[:count])
+    ground.distance[:], memory.distance_to_goal[:] = FAR, FAR
+    impassable = AT_WALL | impassable & HOLE
+    dijkstra(bits, ground.distance, memory.distance_to_goal, ground.goal[:count], free, impassable)
+
+
+@kernel
+def _find_on_lap(memory: Record, ground: _Ground) -> int:
+    """Write the cell of the path of a lap ago to which the car goes, see 0.; return 1, or 0: there is none."""
+    world = memory.map
+    a_lap_ago = _lap_ago(world)
+    lap = world.along - world.path[a_lap_ago, ALONG]
+    for left in _LEFT_OF_LAP:
+        ahead = min(lap - left, _AHEAD_ON_LAP)
+        if ahead <= 0.0:
+            break
+        _spread(world, ground, _OPENED, lap - ahead - _APART, False, AT_WALL | HOLE)
+        index = a_lap_ago
+        while index != world.newest and world.path[index, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
+            index = (index + 1) % PATH
+        cell = cell_at(world.path[index, 0], world.path[index, 1])
+        if index != world.newest and ground.distance[cell] != FAR:
+            ground.goal[0] = cell
+            memory.x, memory.y = world.path[index, 0], world.path[index, 1]
+            return 1
+    return 0
+
+
+@kernel
+def _find_ahead(memory: Record, ground: _Ground) -> tuple[int, bool, int]:
+    """Write the cells of the frontier ahead, see 1. to 3.
+
+    Returns:
+      How many cells; whether they are the far side of the closed path; and the bits of cells that are impassable.
+    """
+    world, impassable, open_ground = memory.map, AT_WALL | HOLE, False
+    for attempt in range(len(_ATTEMPTS)):
+        opened, closed, impassable = _ATTEMPTS[attempt]
+        if closed < _CLOSED and open_ground:
+            continue
+        reached, edges = _spread(world, ground, opened, closed, open_ground, impassable)
+        if attempt == 0 and _is_open_ground(world, ground.distance):
+            open_ground = True
+            reached, edges = _spread(world, ground, opened, closed, open_ground, impassable)
+        if closed < _CLOSED:
+            if _find_behind(memory, ground, reached):
+                return 1, True, impassable
+            continue
+        least = _LEAST_FRONTIER if opened == _OPENED else _LEAST_FRONTIER_BACK
+        count = _choose_frontier(memory, ground, edges, least)
+        if count > 0:
+            if opened > _OPENED:
+                cut_path(world, max(world.along - opened, world.furthest - _POCKET))
+            return count, False, impassable
+    return 0, False, impassable
+
+
+@kernel
+def _spread(
+    world: Record, ground: _Ground, opened: float, closed: float, open_ground: bool, impassable: int
+) -> tuple[int, int]:
+    """Close the path from `opened` to `closed` [m], and spread distances from the car (`flood`)."""
+    _open_path(ground.bits)
+    _close_path(world, ground.bits, opened, closed, open_ground)
+    ground.distance[:] = FAR
+    ground.distance[ground.queue[0]] = 0
+    return flood(world, ground.bits, ground.distance, ground.queue, ground.edge, impassable)
+
+
+@kernel
+def _find_behind(memory: Record, ground: _Ground, reached: int) -> bool:
+    """Return whether the car, going on, comes upon its closed path from behind; that cell is the goal then."""
+    world, bits, distance, index = memory.map, ground.bits, ground.distance, reached - 1
+    while index > 0:
+        cell = ground.queue[index]
+        if _is_next_to_path(world, bits, cell) and _comes_from_behind(world, distance, cell):
+            break
+        index -= 1
+    cell = ground.queue[index]
+    if not distance[cell] * CELL > _LEAST_LOOP:
+        return False
+    ground.goal[0] = cell
+    i, j = indices_of(world, cell)
+    memory.x, memory.y = i * CELL, j * CELL
+    return True
 
 
 @kernel
@@ -429,16 +487,9 @@ def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
 
 
 @kernel
-def _choose_frontier(
-    memory: Record,
-    bits: NDArray[np.uint8],
-    distance: NDArray[np.uint16],
-    edge: NDArray[np.uint16],
-    least: int,
-    goal: NDArray[np.uint16],
-) -> int:
-    """Write the cells of the best frontier to `goal`, and where its middle is; return how many cells, 0: none."""
-    world = memory.map
+def _choose_frontier(memory: Record, ground: _Ground, edges: int, least: int) -> int:
+    """Write the cells of the best frontier of at least so many, and its middle; return how many; 0: there is none."""
+    world, distance, edge = memory.map, ground.distance, ground.edge[:edges]
     label = np.zeros(SIZE * SIZE, np.uint8)  # 1: at unknown ground, 2: in a frontier that was looked at
     for cell in edge:
         label[cell] = 1
@@ -470,20 +521,15 @@ def _choose_frontier(
         score = far + 2.0 * min(count * CELL, _WIDE)
         if memory.found and math.hypot(x - last_x, y - last_y) < _SAME:
             score += 1.0
-        if score > best and _has_room_behind(world, bits, distance, label, group[:count], behind):
+        if score > best and _has_room_behind(world, ground, label, group[:count], behind):
             best, best_count, memory.x, memory.y = score, count, x, y
-            goal[:count] = group[:count]
+            ground.goal[:count] = group[:count]
     return best_count
 
 
 @kernel
 def _has_room_behind(
-    world: Record,
-    bits: NDArray[np.uint8],
-    distance: NDArray[np.uint16],
-    label: NDArray[np.uint8],
-    group: NDArray[np.uint16],
-    behind: NDArray[np.uint16],
+    world: Record, ground: _Ground, label: NDArray[np.uint8], group: NDArray[np.uint16], behind: NDArray[np.uint16]
 ) -> bool:
     """Return whether a frontier may lead on: to room behind it, or to ground that the car does not reach otherwise."""
     count, reached, at, leads_on = len(group), 0, 0, False
@@ -493,11 +539,11 @@ def _has_room_behind(
             i, j = indices_of(world, cell)
             if not in_window(world, i, j) or label[cell] == 4:
                 leads_on = True
-            elif bits[cell] & (UNSEEN | NEAR_WALL | WAY_BACK) == UNSEEN and label[cell] == 0:
+            elif ground.bits[cell] & (UNSEEN | NEAR_WALL | WAY_BACK) == UNSEEN and label[cell] == 0:
                 label[cell] = 3
                 behind[reached] = cell
                 reached += 1
-            elif at >= count and bits[cell] & (OPEN | NEAR_WALL) == OPEN and distance[cell] == FAR:
+            elif at >= count and ground.bits[cell] & (OPEN | NEAR_WALL) == OPEN and ground.distance[cell] == FAR:
                 leads_on = True
         leads_on = leads_on or reached >= _ROOM
         at += 1

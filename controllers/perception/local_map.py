@@ -39,7 +39,7 @@ EDGE = SIZE // 2 - 2  # cells from the car's own that are kept
 SIGHT = 9.8  # [m] along a beam that is entered
 KIND, UNKNOWN, FREE, WALL = 3, 0, 1, 2
 NEARNESS, WALL_IN_4, WALL_IN_2, WALL_IN_1 = 12, 4, 8, 12
-"""Bits of a cell, see `cells`: how near a wall was when cell_marks last looked: within four cells, two or one."""
+"""Bits of a cell, see `cells`: how near a wall was when they were last marked: within four cells, two or one."""
 
 PATH = 160  # points of the path that are kept
 RIGHT, LEFT, ALONG, SIN, COS = range(3, 8)  # columns of the path, after x, y and heading; the last two are of that

@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,14 +43,13 @@ from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_point
 from ..perception.frontiers import (
     FRONTIER_SEARCH,
     distance_to_goal_around,
-    least_distance_along,
     least_distance_towards,
     look_again,
     search_frontier,
 )
 from ..perception.local_map import SIGHT, WALL_IN_1, WALL_IN_2, forget, move
 from ..perception.scan_geometry import beams_between, bearing_of, looks_ahead, period_of, sees
-from .motion_search import MOST_LOCK, MOST_NODES, MOTION, is_clear, search_motion
+from .motion_search import MOST_LOCK, MOTION, Query, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
 
 _BEAMS = 16  # every so many are compared with the planner's goal
@@ -101,8 +101,6 @@ GUIDANCE = np.dtype(
         ("follows", np.bool_),  # there is a motion to follow
         ("progress", np.int64),  # index of the motion's point that is next
         ("narrow", np.bool_),  # the motion leads through a gap that is hardly wider than the car
-        ("knows_speed", np.bool_),  # the reference's speed is that of a motion, which is free farther than is in sight
-        ("stuck", np.bool_),  # there is no motion
         ("led_on", np.int64),  # tick in which the planner was last found to lead on, by this reference:
         ("steering_angle", np.float64),  # [rad]
         ("bearing", np.float64),  # [rad]
@@ -115,6 +113,43 @@ GUIDANCE = np.dtype(
 """Type of what guidance keeps of its car from tick to tick; zero at the beginning."""
 
 
+PLANNER_LEADS, MOTION_LEADS, NOBODY_LEADS, TURN_LEADS = range(4)
+"""Who leads the car on: its planner; a motion; nobody, as none is found, and it brakes; a turn in moves."""
+
+
+class Lead(NamedTuple):
+    """What guidance proposes in place of a planner's reference."""
+
+    who: int  # see PLANNER_LEADS
+    steering_angle: float  # [rad] of the motion or turn; NaN: the planner's
+    bearing: float  # [rad] of the next point of the motion; NaN: the planner's, or none
+    distance: float  # [m] of that point
+    speed: float  # [m/s] greatest; of a turn the speed itself, negative in reverse
+    knows_speed: bool  # the speed is that of a motion, which is free farther than is in sight
+
+
+class _Seen(NamedTuple):
+    """What guidance sees in a tick."""
+
+    geometry: Record  # of type SCAN_GEOMETRY
+    ranges: FloatArray  # (n,) [m], without NaN or inf
+    odometry: Record  # of type ODOMETRY
+    limiter: Record  # of type LIMITER
+    settings: Record  # fields of GuidanceSettings
+    reference: Record  # the planner's, of type REFERENCE
+
+
+class _Place(NamedTuple):
+    """Where the LiDAR is, and how the way to go changes around it."""
+
+    x: float  # [m]
+    y: float  # [m]
+    to_go: float  # [m]
+    gain: float  # [m] by which the best beam shortens the way to go
+    reach: float  # [m] along that beam
+    bearing: float  # [rad] of that beam
+
+
 @kernel
 def follow_frontier(
     geometry: Record,
@@ -124,8 +159,8 @@ def follow_frontier(
     settings: Record,
     memory: Record,
     reference: Record,
-) -> None:
-    """Replace a planner's reference that does not lead on. Without a scan that looks ahead the reference stays.
+) -> Lead:
+    """Return who leads the car on in this tick, and how. Without a scan that looks ahead the planner does.
 
     Args:
       geometry: of type SCAN_GEOMETRY.
@@ -134,166 +169,150 @@ def follow_frontier(
       limiter: of type LIMITER.
       settings: fields of GuidanceSettings.
       memory: of type GUIDANCE, written to.
-      reference: of type REFERENCE, written to.
+      reference: of the planner, of type REFERENCE.
     """
-    car, frontier = limiter.car, memory.frontier
-    speed, present = odometry.speed, math.tan(odometry.steering_angle) / car.wheelbase
-    memory.knows_speed = memory.stuck = False
+    seen = _Seen(geometry, ranges, odometry, limiter, settings, reference)
+    frontier, turning = memory.frontier, memory.turning
+    speed, yaw_rate = odometry.speed, odometry.angular_velocity[2]
     looks = sees(geometry, ranges) and looks_ahead(geometry, len(ranges))
     if not looks:
-        move(frontier.map, speed, odometry.angular_velocity[2], period_of(geometry))
-    if not (looks and math.isfinite(speed + present + odometry.angular_velocity[2])):
-        memory.follows = memory.turning.active = False
-        return
-    led = memory.follows or memory.turning.active or memory.careful
-    search_frontier(geometry, ranges, odometry, car.lidar_offset, frontier, settings.every, settings.every_plain, led)
-    if memory.turning.active or not frontier.on_lap:  # a car that creeps on a lap that it has driven gets through
-        turn_in_moves(frontier, limiter, memory.turning, odometry.steering_angle, speed)
-    if memory.turning.active:
+        move(frontier.map, speed, yaw_rate, period_of(geometry))
+    if not (looks and math.isfinite(speed + math.tan(odometry.steering_angle) + yaw_rate)):
+        memory.follows = turning.active = False
+        return _planner_leads(math.inf, False)
+    led = memory.follows or turning.active or memory.careful
+    offset = limiter.car.lidar_offset
+    search_frontier(geometry, ranges, odometry, offset, frontier, settings.every, settings.every_plain, led)
+    if turning.active or not frontier.on_lap:  # a car that creeps on a lap that it has driven gets through
+        turn_in_moves(frontier, limiter, turning, odometry.steering_angle, speed)
+    if turning.active:
         memory.careful = True
-        return
-    x = frontier.map.x + car.lidar_offset * math.cos(frontier.map.heading)
-    y = frontier.map.y + car.lidar_offset * math.sin(frontier.map.heading)
-    here = distance_to_goal_around(frontier, x, y) if frontier.found else math.inf
-    if not math.isfinite(here):
+        return Lead(TURN_LEADS, turning.steering_angle, math.nan, math.nan, turning.speed, False)
+    x = frontier.map.x + offset * math.cos(frontier.map.heading)
+    y = frontier.map.y + offset * math.sin(frontier.map.heading)
+    to_go = distance_to_goal_around(frontier, x, y) if frontier.found else math.inf
+    if not math.isfinite(to_go):
         memory.follows = False
-        memory.lost = memory.lost + 1 if not frontier.found else 0
-        if memory.lost > settings.lost_after:
-            reference.speed = min(reference.speed, _speed_to_stop(geometry, ranges, limiter, settings))
-        if memory.lost > settings.start_again_after and abs(speed) < 0.1:
-            memory.lost = 0
-            forget(frontier.map)  # the path or the map may be wrong
-        return
+        return _planner_leads(_speed_without_frontier(seen, memory), False)
     memory.lost = 0
-    to_edge = math.hypot(frontier.edge_x - x, frontier.edge_y - y)
-    around_edge = _speed_to_frontier(limiter, settings, to_edge) if frontier.hidden else math.inf
-    if memory.careful:
-        reference.speed = min(reference.speed, around_edge)
-    tight = frontier.hidden and here < settings.tight_distance
+    around_edge = _speed_around_edge(seen, frontier, x, y)
+    most = around_edge if memory.careful else math.inf
+    tight = frontier.hidden and to_go < settings.tight_distance
     if not tight and _leads_on_as_before(memory, reference):
-        return
-    gain, at, bearing = _best_beam(geometry, ranges, frontier, x, y, here)
-    bend = _bend(memory, car) if memory.follows and _is_on_motion(memory, car) else math.nan
-    if _planner_drives(geometry, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend, tight):
+        return _planner_leads(min(most, memory.speed), math.isfinite(memory.speed))
+    place = _look_around(seen, frontier, x, y, to_go)
+    bend = _bend_ahead(memory, limiter.car)
+    if _planner_leads_on(seen, memory, place, bend, tight, most):
+        memory.follows = False
         memory.led_on, memory.bearing = frontier.ticks, reference.bearing
         memory.steering_angle = reference.steering_angle
-        memory.speed = reference.speed if memory.knows_speed else math.inf
-        return
-    look_again(geometry, ranges, car.lidar_offset, frontier, settings.every)
-    if not _renew_motion(limiter, settings, memory, present, speed):
-        memory.follows = not math.isnan(bend)
-    memory.knows_speed, memory.stuck = memory.follows, not memory.follows
-    followed = memory.motion if memory.follows else memory.trial
-    if followed.count > 0:
-        _follow(memory, followed, memory.progress if memory.follows else 0, limiter, speed, reference)
-    else:
-        reference.steering_angle = odometry.steering_angle
-        reference.bearing, reference.distance = bearing, at
-    reference.speed = 0.0
-    if memory.follows:
-        on_motion = _speed_on(memory, memory.motion, memory.progress, limiter, settings, speed)
-        reference.speed = min(on_motion, around_edge)
+        return _planner_leads(min(most, memory.speed), math.isfinite(memory.speed))
+    return _follow_motion(seen, memory, place, bend, around_edge)
+
+
+@kernel
+def _planner_leads(speed: float, knows_speed: bool) -> Lead:
+    """Return that the planner leads on, no faster than a speed [m/s]."""
+    return Lead(PLANNER_LEADS, math.nan, math.nan, math.nan, speed, knows_speed)
 
 
 @kernel
 def _leads_on_as_before(memory: Record, reference: Record) -> bool:
-    """Return whether the planner led on in the tick before by this reference, whose speed is then limited as it was."""
+    """Return whether the planner led on in the tick before by this reference."""
     frontier = memory.frontier
     turned = abs(reference.steering_angle - memory.steering_angle) + abs(reference.bearing - memory.bearing)
-    if frontier.ticks != memory.led_on + 1 or frontier.searched == frontier.ticks or not turned < _AS_BEFORE:
-        return False
-    memory.knows_speed = math.isfinite(memory.speed)
-    reference.speed = min(reference.speed, memory.speed)
-    return True
+    return bool(frontier.ticks == memory.led_on + 1 and frontier.searched != frontier.ticks and turned < _AS_BEFORE)
 
 
 @kernel
-def _planner_drives(
-    geometry: Record,
-    ranges: FloatArray,
-    odometry: Record,
-    limiter: Record,
-    settings: Record,
-    memory: Record,
-    reference: Record,
-    x: float,
-    y: float,
-    here: float,
-    best_gain: float,
-    bend: float,
-    tight: bool,
+def _planner_leads_on(
+    seen: _Seen, memory: Record, place: _Place, bend: float, tight: bool, most: float
 ) -> bool:
-    """Return whether the planner's own reference leads on; arguments as of `guide`, and as of `_best_beam`.
+    """Return whether the planner's own reference leads on, and write the speed that a simulated motion gave.
 
-    `bend` is that of the motion that the car is on, see `_bend`; NaN: it is on none. `tight`: the frontier is hidden
-    and nearby.
+    `bend`: see `_bend_ahead`; `tight`: the frontier is hidden and nearby; `most`: speed that is allowed [m/s].
     """
+    geometry, ranges, odometry, limiter, settings, reference = seen
+    memory.speed = math.inf
     if math.isnan(reference.bearing) or math.isnan(reference.steering_angle):
         return False
     frontier, car, speed = memory.frontier, limiter.car, odometry.speed
     beam = int(min(max(round((reference.bearing - geometry.angle_min) / geometry.angle_increment), 0), len(ranges) - 1))
-    least, _ = least_distance_along(frontier, x, y, frontier.map.heading + reference.bearing, ranges[beam])
-    gain = here - least
-    as_good = 0.0 if frontier.on_lap else settings.as_good * best_gain  # there the planner has found its way once
+    heading = frontier.map.heading + reference.bearing
+    least, _ = least_distance_towards(frontier, place.x, place.y, math.cos(heading), math.sin(heading), ranges[beam])
+    gain = place.to_go - least
+    as_good = 0.0 if frontier.on_lap else settings.as_good * place.gain  # there the planner has found its way once
     if gain >= as_good and gain > -0.5 and not (bend > _BENDS or tight):
-        memory.follows = False
         return True
-    if (memory.careful and bend > _BENDS_SHARPLY) or not gain > settings.worth_simulating * best_gain:
+    if (memory.careful and bend > _BENDS_SHARPLY) or not gain > settings.worth_simulating * place.gain:
         return False
-    most = 0.8 * limiter.lateral / max(speed * speed, 0.5)
+    curved = 0.8 * limiter.lateral / max(speed * speed, 0.5)
     present = math.tan(odometry.steering_angle) / car.wheelbase
-    wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, most)
+    wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, curved)
     memory.narrow = False
-    look_again(
-        geometry, ranges, car.lidar_offset, frontier, settings.every
-    )  # walls that are not marked would be driven into
-    if not search_motion(
-        frontier, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
-        settings.horizon + 0.1 * speed * speed, WALL_IN_2, False, min(_NODES, MOST_NODES - frontier.nodes),
-    ):  # fmt: skip
+    look_again(geometry, ranges, car.lidar_offset, frontier, settings.every)  # else it drives into walls not marked
+    query = Query(
+        0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK, settings.horizon + 0.1 * speed * speed,
+        WALL_IN_2, False, _NODES,
+    )  # fmt: skip
+    if not search_motion(frontier, limiter, memory.trial, query):
         return False
-    memory.follows = False
     if speed < settings.trusted_speed:
-        memory.knows_speed = True
-        reference.speed = min(reference.speed, _speed_on(memory, memory.trial, 0, limiter, settings, speed))
+        memory.speed = min(_speed_on(seen, memory, memory.trial, 0), min(reference.speed, most))
     return True
 
 
 @kernel
-def _best_beam(
-    geometry: Record, ranges: FloatArray, frontier: Record, x: float, y: float, here: float
-) -> tuple[float, float, float]:
-    """Return by how much the best beam shortens the way to go [m], how far along it that is [m], and its bearing."""
-    gain, at, best = -math.inf, 0.0, 0
-    turn_cos, turn_sin = math.cos(geometry.angle_increment * _BEAMS), math.sin(geometry.angle_increment * _BEAMS)
-    cos, sin = math.cos(frontier.map.heading + geometry.angle_min), math.sin(frontier.map.heading + geometry.angle_min)
-    for beam in range(0, len(ranges), _BEAMS):
-        least, reach = least_distance_towards(frontier, x, y, cos, sin, ranges[beam])
-        if here - least > gain:
-            gain, at, best = here - least, reach, beam
-        cos, sin = cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
-    return gain, at, bearing_of(geometry, best)
+def _follow_motion(seen: _Seen, memory: Record, place: _Place, bend: float, around_edge: float) -> Lead:
+    """Return what keeps the car on a motion, which is searched for anew; or that there is none, and it brakes.
+
+    `bend` as of `_planner_leads_on`; `around_edge`: speed from which the car can turn behind a hidden frontier [m/s].
+    """
+    geometry, ranges, odometry, limiter, settings, _ = seen
+    look_again(geometry, ranges, limiter.car.lidar_offset, memory.frontier, settings.every)
+    if not _renew_motion(seen, memory):
+        memory.follows = not math.isnan(bend)
+    if memory.follows:
+        steering_angle, bearing, distance = _steer(seen, memory.frontier.map, memory.motion, memory.progress)
+        speed = min(_speed_on(seen, memory, memory.motion, memory.progress), around_edge)
+        return Lead(MOTION_LEADS, steering_angle, bearing, distance, speed, True)
+    if memory.trial.count > 0:
+        steering_angle, bearing, distance = _steer(seen, memory.frontier.map, memory.trial, 0)
+        return Lead(NOBODY_LEADS, steering_angle, bearing, distance, 0.0, False)
+    return Lead(NOBODY_LEADS, odometry.steering_angle, place.bearing, place.reach, 0.0, False)
 
 
 @kernel
-def _renew_motion(limiter: Record, settings: Record, memory: Record, present: float, speed: float) -> bool:
+def _look_around(seen: _Seen, frontier: Record, x: float, y: float, to_go: float) -> _Place:
+    """Return the place of the LiDAR [m], whose way to go is known, with the beam that shortens it most."""
+    geometry, ranges, heading = seen.geometry, seen.ranges, frontier.map.heading
+    gain, at, best = -math.inf, 0.0, 0
+    turn_cos, turn_sin = math.cos(geometry.angle_increment * _BEAMS), math.sin(geometry.angle_increment * _BEAMS)
+    cos, sin = math.cos(heading + geometry.angle_min), math.sin(heading + geometry.angle_min)
+    for beam in range(0, len(ranges), _BEAMS):
+        least, reach = least_distance_towards(frontier, x, y, cos, sin, ranges[beam])
+        if to_go - least > gain:
+            gain, at, best = to_go - least, reach, beam
+        cos, sin = cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
+    return _Place(x, y, to_go, gain, at, bearing_of(geometry, best))
+
+
+@kernel
+def _renew_motion(seen: _Seen, memory: Record) -> bool:
     """Search for a motion in every second tick, or in each while the car has none; return whether one was found."""
     if memory.follows and memory.frontier.ticks % 2 == 1:
         return False
-    frontier, trial, horizon = memory.frontier, memory.trial, settings.horizon + 0.1 * speed * speed
-    found, narrow, lag = False, False, LAG + late_by(limiter.car)
-    for grip, lock in ((settings.grip, settings.lock), (1.0, MOST_LOCK)):
-        if not found:
-            nodes = min(_NODES, MOST_NODES - frontier.nodes)
-            found = search_motion(
-                frontier, limiter, trial, present, speed, lag, grip, lock, horizon, WALL_IN_2, False, nodes
-            )
+    limiter, settings, speed, trial = seen.limiter, seen.settings, seen.odometry.speed, memory.trial
+    present, lag = math.tan(seen.odometry.steering_angle) / limiter.car.wheelbase, LAG + late_by(limiter.car)
+    horizon, narrow = settings.horizon + 0.1 * speed * speed, False
+    query = Query(present, speed, lag, settings.grip, settings.lock, horizon, WALL_IN_2, False, _NODES)
+    found = search_motion(memory.frontier, limiter, trial, query)
+    if not found:
+        query = Query(present, speed, lag, 1.0, MOST_LOCK, horizon, WALL_IN_2, False, _NODES)
+        found = search_motion(memory.frontier, limiter, trial, query)
     if not found and speed < 2.0:
-        narrow = True
-        nodes = min(_NODES, MOST_NODES - frontier.nodes)
-        found = search_motion(
-            frontier, limiter, trial, present, speed, lag, 1.0, MOST_LOCK, 2.0, WALL_IN_1, False, nodes
-        )
+        query = Query(present, speed, lag, 1.0, MOST_LOCK, 2.0, WALL_IN_1, False, _NODES)
+        found = narrow = search_motion(memory.frontier, limiter, trial, query)
     if found:
         memory.motion.count = trial.count
         memory.motion.points[:] = trial.points
@@ -302,44 +321,38 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
 
 
 @kernel
-def _is_on_motion(memory: Record, car: Record) -> bool:
-    """Return whether what is left of the motion is free, and the car on it."""
+def _bend_ahead(memory: Record, car: Record) -> float:
+    """Return the greatest curvature of what is left of the motion, as a share of that at full lock.
+
+    NaN: there is no motion, it is not free, or the car is not on it.
+    """
     world, motion = memory.frontier.map, memory.motion
-    points = motion.points[: motion.count]
-    memory.progress = next_point(points, memory.progress, world.x, world.y, world.heading)
-    if memory.progress + 2 >= motion.count:
-        return False
-    _, aside, angle = errors(points[memory.progress], world.x, world.y, world.heading)
-    if abs(aside) > _ON_MOTION[0] or abs(angle) > _ON_MOTION[1]:
-        return False
-    for k in range(memory.progress, motion.count):
-        point = motion.points[k]
-        if not is_clear(memory.frontier, car, point[X], point[Y], point[HEADING], WALL_IN_1):
-            return False
-    return True
-
-
-@kernel
-def _bend(memory: Record, car: Record) -> float:
-    """Return the greatest curvature of what is left of the motion, as a share of that at full lock."""
+    if not memory.follows:
+        return math.nan
+    memory.progress = next_point(motion.points[: motion.count], memory.progress, world.x, world.y, world.heading)
+    _, aside, angle = errors(motion.points[memory.progress], world.x, world.y, world.heading)
+    if memory.progress + 2 >= motion.count or abs(aside) > _ON_MOTION[0] or abs(angle) > _ON_MOTION[1]:
+        return math.nan
     most = 0.0
-    for k in range(memory.progress, memory.motion.count):
-        most = max(most, abs(memory.motion.points[k, CURVATURE]))
+    for k in range(memory.progress, motion.count):
+        x, y, heading = motion.points[k, X], motion.points[k, Y], motion.points[k, HEADING]
+        if not is_clear(memory.frontier, car, x, y, math.cos(heading), math.sin(heading), WALL_IN_1):
+            return math.nan
+        most = max(most, abs(motion.points[k, CURVATURE]))
     return float(most * car.wheelbase / math.tan(car.max_steering_angle))
 
 
 @kernel
-def _follow(memory: Record, motion: Record, first: int, limiter: Record, speed: float, reference: Record) -> None:
-    """Write the reference that keeps the car on a motion."""
-    world, points, car = memory.frontier.map, motion.points[: motion.count], limiter.car
-    late, path_late = late_by(car), late_on_path(limiter.slip, car, speed)
-    reference.steering_angle = steer_along(
+def _steer(seen: _Seen, world: Record, motion: Record, first: int) -> tuple[float, float, float]:
+    """Return the steering angle [rad] that keeps the car on a motion, and bearing [rad] and distance [m] of a point."""
+    points, car, speed = motion.points[: motion.count], seen.limiter.car, seen.odometry.speed
+    late, path_late = late_by(car), late_on_path(seen.limiter.slip, car, speed)
+    steering_angle = steer_along(
         points, first, world.x, world.y, world.heading, speed, car.wheelbase, late, path_late
-    )
+    )  # fmt: skip
     dx, dy = points[first, X] - world.x, points[first, Y] - world.y
     cos, sin = math.cos(world.heading), math.sin(world.heading)
-    reference.bearing = math.atan2(cos * dy - sin * dx, cos * dx + sin * dy)
-    reference.distance = math.hypot(dx, dy)
+    return steering_angle, math.atan2(cos * dy - sin * dx, cos * dx + sin * dy), math.hypot(dx, dy)
 
 
 @kernel
@@ -404,8 +417,9 @@ def motion_ahead(memory: Record) -> FloatArray:
 
 
 @kernel
-def _speed_on(memory: Record, motion: Record, first: int, limiter: Record, settings: Record, speed: float) -> float:
+def _speed_on(seen: _Seen, memory: Record, motion: Record, first: int) -> float:
     """Return the speed [m/s] from which the car slows in time for a motion's curves, and stops at its end."""
+    limiter, settings, speed = seen.limiter, seen.settings, seen.odometry.speed
     lateral, braking = settings.profile_grip * limiter.lateral, settings.profile_braking * limiter.braking
     square, along, tightest = math.inf, 0.0, 0.0
     x, y = memory.frontier.map.x, memory.frontier.map.y
@@ -425,15 +439,32 @@ def _speed_on(memory: Record, motion: Record, first: int, limiter: Record, setti
 
 
 @kernel
-def _speed_to_frontier(limiter: Record, settings: Record, way_to_go: float) -> float:
-    """Return the speed [m/s] from which the car can turn at full lock behind a hidden frontier."""
+def _speed_around_edge(seen: _Seen, frontier: Record, x: float, y: float) -> float:
+    """Return the speed [m/s] from which the car can turn at full lock behind a hidden frontier; inf: it is not hidden.
+    """
+    limiter, settings = seen.limiter, seen.settings
+    if not frontier.hidden:
+        return math.inf
+    to_edge = math.hypot(frontier.edge_x - x, frontier.edge_y - y)
     tightest = math.tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase
     turning = settings.grip * limiter.lateral / tightest
-    return math.sqrt(turning + 2.0 * settings.hidden_braking * limiter.braking * way_to_go)
+    return math.sqrt(turning + 2.0 * settings.hidden_braking * limiter.braking * to_edge)
 
 
 @kernel
-def _speed_to_stop(geometry: Record, ranges: FloatArray, limiter: Record, settings: Record) -> float:
+def _speed_without_frontier(seen: _Seen, memory: Record) -> float:
+    """Return the speed [m/s] of a car whose way to go is not known, and forget its path once it has stood for long."""
+    settings = seen.settings
+    memory.lost = memory.lost + 1 if not memory.frontier.found else 0
+    stops = memory.lost > settings.lost_after
+    if memory.lost > settings.start_again_after and abs(seen.odometry.speed) < 0.1:
+        memory.lost = 0
+        forget(memory.frontier.map)  # the path or the map may be wrong
+    return speed_to_stop(seen.geometry, seen.ranges, seen.limiter, settings) if stops else math.inf
+
+
+@kernel
+def speed_to_stop(geometry: Record, ranges: FloatArray, limiter: Record, settings: Record) -> float:
     """Return the speed [m/s] from which the car stops ahead of what is in front of it."""
     first, end = beams_between(geometry, len(ranges), -_AHEAD, _AHEAD)
     ahead = SIGHT

@@ -19,6 +19,7 @@ as free for the car's corners.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ from .friction_limiter import longitudinal_share
 DIRECTION = 4  # column of a motion, after those of control.tracking
 
 _POINTS = 64
-_SHARES = 5  # of the grip for turning: all to the right, half, none, half to the left, all
+_SHARES, _MIDDLE = 5, 2  # of the grip for turning: all to the right, half, none, half to the left, all
 _LENGTH = 0.2  # [m] of an arc of a standing car
 _LENGTH_TIME = 0.05  # [s] and as much more as the car drives in this time
 _HEADINGS = 48
@@ -65,160 +66,222 @@ MOTION = np.dtype(
 """Type of a motion: where the rear axle is after each arc."""
 
 
+Ends = tuple[NDArray[np.float64], NDArray[np.int64], float, float]
+"""Ends of beams, see `sorted_ends`."""
+
+
+class Query(NamedTuple):
+    """The motion that is searched for."""
+
+    curvature: float  # present [1/m]
+    speed: float  # present [m/s]
+    lag: float  # [s] for which the car drives on as it does
+    grip: float  # share of the cornering acceleration that may be used
+    lock: float  # share of the curvature at full lock that may be used
+    horizon: float  # [m] by which the motion shortens the way to go
+    nearest: int  # NEARNESS of walls from which on it is too near, WALL_IN_2 or WALL_IN_1
+    reverses: bool  # the car may drive in reverse, too
+    most_nodes: int  # after which the search ends; all searches of a tick have MOST_NODES
+
+
+class _Tree(NamedTuple):
+    """The nodes of a search: each is an arc's end. Node 0 is the start."""
+
+    state: NDArray[np.float64]  # x, y, heading, curvature, square of the speed, length so far, cosine, sine
+    value: NDArray[np.float64]  # length so far, and way to go [m]
+    share: NDArray[np.int8]
+    direction: NDArray[np.int8]
+    parent: NDArray[np.int32]
+    heap: NDArray[np.int32]
+    table: NDArray[np.int32]  # keys of the places that were come to, see _slot
+    arcs: NDArray[np.float64]  # (shares, parts, 5): those of the last node with each share, see _arc
+
+
+class _Limits(NamedTuple):
+    """What the car can do, and how far it has to keep from walls."""
+
+    tightest: float  # [1/m] curvature
+    lateral: float  # [m/s^2]
+    braking: NDArray[np.float64]  # [m/s^2] by the share of the grip for turning
+    nearest: int  # as of Query
+    reverses: bool
+    clear: bool  # the car stands clear of walls
+    ends: Ends
+    hits: int  # points of the outline that lie in cells of walls where the car stands
+    margin: float  # [m] round the outline
+
+
+class _Arc(NamedTuple):
+    """An arc from a node."""
+
+    share: int  # of the grip for turning, its index
+    curvature: float  # [1/m]
+    length: float  # [m]
+    direction: int  # 1, or -1 in reverse
+
+
 @kernel
-def search_motion(
-    frontier: Record,
-    limiter: Record,
-    motion: Record,
-    curvature: float,
-    speed: float,
-    lag: float,
-    grip: float,
-    lock: float,
-    horizon: float,
-    nearest: int,
-    reverses: bool,
-    most_nodes: int,
-) -> bool:
-    """Write the motion from where the car is that shortens the way to go by `horizon`; return whether there is one.
+def search_motion(frontier: Record, limiter: Record, motion: Record, query: Query) -> bool:
+    """Write the motion from where the car is that shortens the way to go by the horizon; return whether there is one.
 
     Where there is none, the motion leads to where the way to go is shortest.
 
     Args:
-      frontier: of type FRONTIER_SEARCH.
+      frontier: of type FRONTIER_SEARCH; its `nodes` counts those of all searches of a tick.
       limiter: of type LIMITER.
       motion: of type MOTION, written to.
-      curvature: present [1/m].
-      speed: present [m/s].
-      lag: time for which the car drives on as it does [s].
-      grip: share of the cornering acceleration that may be used.
-      lock: share of the curvature at full lock that may be used.
-      horizon: [m].
-      nearest: NEARNESS of walls from which on it is too near, WALL_IN_2 or WALL_IN_1.
-      reverses: the car may drive in reverse, too.
-      most_nodes: after which the search ends. `frontier.nodes` counts them; all searches of a tick have MOST_NODES.
+      query: see Query.
     """
-    car, world = limiter.car, frontier.map
-    lateral = grip * limiter.lateral
-    tightest = lock * math.tan(lock_arc(limiter.slip, car)) / car.wheelbase
-    slowest = lateral / tightest  # [m^2/s^2] square of the speed at which full lock is held
     motion.found, motion.count = False, 0
-    if most_nodes <= 2 * _SHARES:
+    most = min(query.most_nodes, MOST_NODES - frontier.nodes)
+    if most <= 2 * _SHARES:
         return False
-    state = np.empty((most_nodes, 8))  # x, y, heading, curvature, square of the speed, length so far, cosine, sine
-    value = np.empty(most_nodes)
-    share, direction = np.empty(most_nodes, np.int8), np.empty(most_nodes, np.int8)
-    parent, heap = np.empty(most_nodes, np.int32), np.empty(most_nodes, np.int32)
-    slots = 1024
-    while slots < 2 * most_nodes:
-        slots *= 2
-    table = np.zeros(slots, np.int32)
-    turned, driven = curvature * lag * max(speed, 0.0), lag * max(speed, 0.0)
-    start = state[0]
-    start[0] = world.x + driven * math.cos(world.heading + 0.5 * turned)
-    start[1] = world.y + driven * math.sin(world.heading + 0.5 * turned)
-    start[2], start[3], start[4], start[5] = world.heading + turned, curvature, max(speed, 0.0) ** 2, 0.0
-    start[6], start[7] = math.cos(start[2]), math.sin(start[2])
-    offset = car.lidar_offset
+    tree = _plant(frontier.map, query, most)
+    start, offset = tree.state[0], limiter.car.lidar_offset
     whole = distance_to_goal_around(frontier, start[0] + offset * start[6], start[1] + offset * start[7])
     if not math.isfinite(whole):
         return False
-    middle = _SHARES // 2
-    most = min(tightest, lateral / max(start[4], 1e-3))
-    share[0] = round(min(max(curvature / most, -1.0), 1.0) * middle) + middle
-    direction[0], parent[0], value[0], heap[0] = 1, -1, whole, 0
-    clear = _discs_are_clear(frontier, car, start[0], start[1], start[6], start[7], nearest)
-    compares = reverses or nearest == WALL_IN_1 or not clear  # the outline with the ends of beams
-    ends, hits, margin = _sorted_ends(world, world.ends_known if compares else 0), 0, _MARGIN
-    if compares:
-        hits = outline_in_walls(world, car, start[0], start[1], start[6], start[7])
-        while margin > 0.0 and _touches(ends, car, start[0], start[1], start[6], start[7], margin):
-            margin -= 0.01
-    braking = np.empty(_SHARES)  # [m/s^2] by the share of the grip for turning
-    for k in range(_SHARES):
-        used = abs(k - middle) / middle
-        braking[k] = _BRAKING * limiter.braking * longitudinal_share(limiter, min(grip, 0.97) * used, True)
-    arcs = np.full((_SHARES, len(_PARTS), 5), math.nan)  # of a car along x: key, see _arc; x, y, cosine and sine
+    limits = _limits_at(frontier, limiter, query, start)
+    most_curved = min(limits.tightest, limits.lateral / max(start[4], 1e-3))
+    tree.share[0] = round(min(max(query.curvature / most_curved, -1.0), 1.0) * _MIDDLE) + _MIDDLE
+    tree.value[0] = whole
     count, waiting, best, least = 1, 1, 0, whole
-    after = np.empty(8)
-    while waiting > 0 and count < most_nodes - 2 * _SHARES:
-        node = _pop(heap, value, waiting)
+    while waiting > 0 and count < most - 2 * _SHARES:
+        node = _pop(tree.heap, tree.value, waiting)
         waiting -= 1
-        here = state[node]
-        rest = value[node] - here[5]
-        if node > 0 and direction[node] == 1 and (rest <= _ARRIVED or rest <= whole - horizon):
+        rest = tree.value[node] - tree.state[node, 5]
+        if node > 0 and tree.direction[node] == 1 and (rest <= _ARRIVED or rest <= whole - query.horizon):
             motion.found, best = True, node
             break
-        limit = min(tightest, lateral / max(here[4], 1e-3))
-        length = _LENGTH + _LENGTH_TIME * math.sqrt(here[4])
-        for choice in range(2 * _SHARES if reverses else _SHARES):
-            to_share, to = choice % _SHARES, 1 if choice < _SHARES else -1
-            if direction[node] == to and abs(to_share - share[node]) > 1:
-                continue
-            turn_rate = (to_share - middle) / middle * limit
-            if abs(here[2] + turn_rate * to * length - start[2]) > _MOST_TURN:
-                continue
-            touching = not clear and here[5] < _TOUCHING_LENGTH
-            cos, sin = _arc(arcs, to_share, _WHOLE, turn_rate, length, to, here, after)
-            distance_to_goal = distance_to_goal_at(frontier, after[0] + offset * cos, after[1] + offset * sin)
-            if distance_to_goal == math.inf and to == 1 and not touching and here[5] > _UNKNOWN_LENGTH:
-                continue
+        for choice in range(2 * _SHARES if query.reverses else _SHARES):
+            distance_to_goal = _grow(tree, node, count, choice, rest, frontier, limiter.car, limits)
             if distance_to_goal == math.inf:
-                distance_to_goal = rest + length
-            key = _key(after, 2 if nearest == WALL_IN_1 else 1, to)
-            slot = _slot(table, key)
-            if table[slot] == key:  # a motion has come there
                 continue
-            if to == -1 and not _tail_is_seen(world, car, after[0], after[1], cos, sin):
-                continue
-            _arc(arcs, to_share, _HALF, turn_rate, length, to, here, after)
-            dx, dy = after[0] - world.x, after[1] - world.y
-            close = dx * dx + dy * dy < _EXACT * _EXACT
-            exact, corners = close and nearest == WALL_IN_1, close and reverses  # three discs leave the corners out
-            compared, passes = touching or exact, True
-            for part in range(len(_PARTS)):
-                if compared == (part == _HALF) and part < _WHOLE:
-                    continue  # half of the arc, or the other parts
-                cos, sin = _arc(arcs, to_share, part, turn_rate, length, to, here, after)
-                x, y = after[0], after[1]
-                if compared:
-                    most_hits = hits if touching else MOST_IN_WALLS
-                    passes = outline_in_walls(world, car, x, y, cos, sin) <= most_hits
-                else:
-                    passes = _discs_are_clear(frontier, car, x, y, cos, sin, nearest)
-                if passes and (compared or corners):
-                    passes = not _touches(ends, car, x, y, cos, sin, margin)
-                if not passes:
-                    break
-            if not passes:
-                continue
-            table[slot] = key
-            after[4] = max(here[4] - 2.0 * braking[to_share] * length, min(here[4], slowest))
-            after[5] = here[5] + length * (1.5 - 0.5 * to + _TURN_COST * after[3] ** 2)
-            after[5] += _STEER_COST * abs(to_share - share[node]) + _REVERSE_COST * (to != direction[node])
-            after[6], after[7] = cos, sin
-            state[count] = after
-            share[count], direction[count], parent[count] = to_share, to, node
-            value[count] = after[5] + distance_to_goal
             if distance_to_goal < least:
                 best, least = count, distance_to_goal
-            _push(heap, value, waiting, count)
+            _push(tree.heap, tree.value, waiting, count)
             waiting += 1
             count += 1
     frontier.nodes += count
-    _write(motion, best, parent, state, direction)
+    _write(motion, best, tree)
     return bool(motion.found)
 
 
 @kernel
-def is_clear(frontier: Record, car: Record, x: float, y: float, heading: float, nearest: int) -> bool:
-    """Return whether three discs on the axis of a car at a place keep clear of walls."""
-    return _discs_are_clear(frontier, car, x, y, math.cos(heading), math.sin(heading), nearest)
+def _plant(world: Record, query: Query, most: int) -> _Tree:
+    """Return a tree for so many nodes, with the place at its start to which the car drives on as it does."""
+    slots = 1024
+    while slots < 2 * most:
+        slots *= 2
+    tree = _Tree(
+        np.empty((most, 8)), np.empty(most), np.empty(most, np.int8), np.empty(most, np.int8),
+        np.empty(most, np.int32), np.empty(most, np.int32), np.zeros(slots, np.int32),
+        np.full((_SHARES, len(_PARTS), 5), math.nan),
+    )  # fmt: skip
+    speed = max(query.speed, 0.0)
+    start, driven = tree.state[0], query.lag * speed
+    turned = query.curvature * query.lag * speed
+    start[0] = world.x + driven * math.cos(world.heading + 0.5 * turned)
+    start[1] = world.y + driven * math.sin(world.heading + 0.5 * turned)
+    start[2], start[3], start[4], start[5] = world.heading + turned, query.curvature, speed**2, 0.0
+    start[6], start[7] = math.cos(start[2]), math.sin(start[2])
+    tree.direction[0], tree.parent[0], tree.heap[0] = 1, -1, 0
+    return tree
 
 
 @kernel
-def _discs_are_clear(frontier: Record, car: Record, x: float, y: float, cos: float, sin: float, nearest: int) -> bool:
-    """Return the same as `is_clear`, by the cosine and the sine of the heading."""
+def _limits_at(frontier: Record, limiter: Record, query: Query, start: NDArray[np.float64]) -> _Limits:
+    """Return what the car can do, and how near to walls it stands at the start."""
+    car, world, x, y, cos, sin = limiter.car, frontier.map, start[0], start[1], start[6], start[7]
+    clear = is_clear(frontier, car, x, y, cos, sin, query.nearest)
+    compares = query.reverses or query.nearest == WALL_IN_1 or not clear  # the outline with the ends of beams
+    ends, hits, margin = sorted_ends(world, world.ends_known if compares else 0), 0, _MARGIN
+    if compares:
+        hits = outline_in_walls(world, car, x, y, cos, sin)
+        while margin > 0.0 and touches(ends, car, x, y, cos, sin, margin):
+            margin -= 0.01
+    braking = np.empty(_SHARES)
+    for k in range(_SHARES):
+        used = min(query.grip, 0.97) * (abs(k - _MIDDLE) / _MIDDLE)
+        braking[k] = _BRAKING * limiter.braking * longitudinal_share(limiter, used, True)
+    return _Limits(
+        query.lock * math.tan(lock_arc(limiter.slip, car)) / car.wheelbase,
+        query.grip * limiter.lateral, braking, query.nearest, query.reverses, clear, ends, hits, margin,
+    )  # fmt: skip
+
+
+@kernel
+def _grow(
+    tree: _Tree, node: int, new: int, choice: int, rest: float, frontier: Record, car: Record, limits: _Limits
+) -> float:
+    """Write a new node at the end of an arc from a node; return the way to go there [m], or inf: it cannot be driven.
+
+    `rest` is the way to go from the node.
+    """
+    here, after = tree.state[node], tree.state[new]
+    share, direction = choice % _SHARES, 1 if choice < _SHARES else -1
+    turns_round = direction != tree.direction[node]
+    if not turns_round and abs(share - tree.share[node]) > 1:
+        return math.inf
+    length = _LENGTH + _LENGTH_TIME * math.sqrt(here[4])
+    curvature = (share - _MIDDLE) / _MIDDLE * min(limits.tightest, limits.lateral / max(here[4], 1e-3))
+    if abs(here[2] + curvature * direction * length - tree.state[0, 2]) > _MOST_TURN:
+        return math.inf
+    arc, touching = _Arc(share, curvature, length, direction), not limits.clear and here[5] < _TOUCHING_LENGTH
+    cos, sin = _drive(tree.arcs, arc, _WHOLE, here, after)
+    x, y, offset = after[0], after[1], car.lidar_offset
+    distance_to_goal = distance_to_goal_at(frontier, x + offset * cos, y + offset * sin)
+    known = distance_to_goal < math.inf
+    if not known and direction == 1 and not touching and here[5] > _UNKNOWN_LENGTH:
+        return math.inf
+    key = _key(after, 2 if limits.nearest == WALL_IN_1 else 1, direction)
+    slot = _slot(tree.table, key)
+    if tree.table[slot] == key:  # a motion has come there
+        return math.inf
+    if direction == -1 and not _tail_is_seen(frontier.map, car, x, y, cos, sin):
+        return math.inf
+    if not _is_free(tree, arc, node, new, touching, frontier, car, limits):
+        return math.inf
+    tree.table[slot] = key
+    slowest = limits.lateral / limits.tightest  # [m^2/s^2] square of the speed at which full lock is held
+    after[4] = max(here[4] - 2.0 * limits.braking[share] * length, min(here[4], slowest))
+    after[5] = here[5] + length * (1.5 - 0.5 * direction + _TURN_COST * after[3] ** 2)
+    after[5] += _STEER_COST * abs(share - tree.share[node]) + _REVERSE_COST * turns_round
+    after[6], after[7] = cos, sin
+    tree.share[new], tree.direction[new], tree.parent[new] = share, direction, node
+    distance_to_goal = distance_to_goal if known else rest + length
+    tree.value[new] = after[5] + distance_to_goal
+    return distance_to_goal
+
+
+@kernel
+def _is_free(
+    tree: _Tree, arc: _Arc, node: int, new: int, touching: bool, frontier: Record, car: Record, limits: _Limits
+) -> bool:
+    """Return whether the car is free along an arc to a new node; `touching`: it may still be nearer to walls."""
+    world, here, after = frontier.map, tree.state[node], tree.state[new]
+    _drive(tree.arcs, arc, _HALF, here, after)
+    dx, dy = after[0] - world.x, after[1] - world.y
+    close = dx * dx + dy * dy < _EXACT * _EXACT
+    compared, corners = touching or (close and limits.nearest == WALL_IN_1), close and limits.reverses
+    for part in range(len(_PARTS)):
+        if compared == (part == _HALF) and part < _WHOLE:
+            continue  # half of the arc, or the other parts
+        cos, sin = _drive(tree.arcs, arc, part, here, after)
+        x, y = after[0], after[1]
+        if compared:
+            if outline_in_walls(world, car, x, y, cos, sin) > (limits.hits if touching else MOST_IN_WALLS):
+                return False
+        elif not is_clear(frontier, car, x, y, cos, sin, limits.nearest):
+            return False
+        if (compared or corners) and touches(limits.ends, car, x, y, cos, sin, limits.margin):
+            return False  # three discs leave the corners out
+    return True
+
+
+@kernel
+def is_clear(frontier: Record, car: Record, x: float, y: float, cos: float, sin: float, nearest: int) -> bool:
+    """Return whether three discs on the axis of a car at a place keep clear of walls."""
     back, front = 0.5 * car.width - car.rear_overhang, car.length - car.rear_overhang - 0.5 * car.width
     for k in range(3):
         offset = back + 0.5 * k * (front - back)
@@ -242,24 +305,10 @@ def outline_in_walls(world: Record, car: Record, x: float, y: float, cos: float,
 
 
 @kernel
-def touches(world: Record, car: Record, x: float, y: float, heading: float, margin: float) -> bool:
-    """Return whether an end of a beam lies in the outline of a car at a place, wider by a margin [m]."""
-    cos, sin = math.cos(heading), math.sin(heading)
-    tail, nose = -car.rear_overhang - margin, car.length - car.rear_overhang + margin
-    for k in range(world.ends_known):
-        dx, dy = world.ends[k, 0] - x, world.ends[k, 1] - y
-        if tail < cos * dx + sin * dy < nose and abs(cos * dy - sin * dx) < 0.5 * car.width + margin:
-            return True
-    return False
+def sorted_ends(world: Record, count: int) -> Ends:
+    """Return the first ends of beams (n, 2) [m] by the squares in which they lie, for `touches`.
 
-
-@kernel
-def _sorted_ends(world: Record, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64], float, float]:
-    """Return the first ends of beams by the squares in which they lie, for `_touches`.
-
-    Returns:
-      The ends (n, 2) [m]; the first of each square and of the one after the last; where the squares begin [m]. Squares
-      have sides of _SQUARE; they are numbered along y first, _SQUARES in a line.
+    Also the first of each square, numbered along y first, and of the one after the last; and where the squares begin.
     """
     left, low = math.inf, math.inf
     for k in range(count):
@@ -286,17 +335,12 @@ def _square(along: float) -> int:
 
 
 @kernel
-def _touches(
-    sorted_ends: tuple[NDArray[np.float64], NDArray[np.int64], float, float],
-    car: Record,
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    margin: float,
-) -> bool:
-    """Return the same as `touches`; only the ends in the squares under the car's outline are compared."""
-    ends, first, left, low = sorted_ends
+def touches(ends: Ends, car: Record, x: float, y: float, cos: float, sin: float, margin: float) -> bool:
+    """Return whether an end of a beam lies in the outline of a car at a place, wider by a margin [m].
+
+    Only the ends in the squares under the outline are compared.
+    """
+    points, first, left, low = ends
     tail, nose, half = -car.rear_overhang - margin, car.length - car.rear_overhang + margin, 0.5 * car.width + margin
     middle, reach = 0.5 * (tail + nose), 0.5 * (nose - tail)
     across, along = abs(cos) * reach + abs(sin) * half + 1e-9, abs(sin) * reach + abs(cos) * half + 1e-9
@@ -306,7 +350,7 @@ def _touches(
         if high_j < low_j:
             break
         for k in range(first[i * _SQUARES + low_j], first[i * _SQUARES + high_j + 1]):
-            dx, dy = ends[k, 0] - x, ends[k, 1] - y
+            dx, dy = points[k, 0] - x, points[k, 1] - y
             if tail < cos * dx + sin * dy < nose and abs(cos * dy - sin * dx) < half:
                 return True
     return False
@@ -321,37 +365,22 @@ def _tail_is_seen(world: Record, car: Record, x: float, y: float, cos: float, si
 
 
 @kernel
-def _arc(
-    arcs: NDArray[np.float64],
-    share: int,
-    part: int,
-    curvature: float,
-    length: float,
-    direction: int,
-    index: NDArray[np.float64],
-    after: NDArray[np.float64],
+def _drive(
+    arcs: NDArray[np.float64], arc: _Arc, part: int, here: NDArray[np.float64], after: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Write the end of a part of an arc: x, y, heading, curvature; return the cosine and the sine of its heading.
+    """Write where a part of an arc ends: x, y, heading, curvature; return the cosine and the sine of that heading.
 
-    Args:
-      arcs: (shares, parts, 5) the arcs of the last node with each share, which most others have, too; written to.
-      share: index of the share.
-      part: index in _PARTS.
-      curvature: [1/m].
-      length: of the whole arc [m].
-      direction: 1 or -1: reverse.
-      index: row of `state`.
-      after: written to.
+    Most nodes have the same arcs as the last node, which `arcs` keeps: length, end and heading of a car along x.
     """
-    turned, cos, sin = curvature * _PARTS[part] * length, index[6], index[7]
-    if arcs[share, part, 0] != length:  # the length tells the speed, and so the curvature
-        chord, half = _PARTS[part] * length, 0.5 * turned
-        arcs[share, part, 0], arcs[share, part, 3], arcs[share, part, 4] = length, math.cos(turned), math.sin(turned)
-        arcs[share, part, 1], arcs[share, part, 2] = chord * math.cos(half), chord * math.sin(half)
-    ahead, aside = arcs[share, part, 1] * direction, arcs[share, part, 2]
-    turn_cos, turn_sin = arcs[share, part, 3], arcs[share, part, 4] * direction
-    after[0], after[1] = index[0] + cos * ahead - sin * aside, index[1] + sin * ahead + cos * aside
-    after[2], after[3] = index[2] + turned * direction, curvature
+    kept, direction = arcs[arc.share, part], arc.direction
+    turned, cos, sin = arc.curvature * _PARTS[part] * arc.length, here[6], here[7]
+    if kept[0] != arc.length:  # the length tells the speed, and so the curvature
+        chord, half = _PARTS[part] * arc.length, 0.5 * turned
+        kept[0], kept[3], kept[4] = arc.length, math.cos(turned), math.sin(turned)
+        kept[1], kept[2] = chord * math.cos(half), chord * math.sin(half)
+    ahead, aside, turn_cos, turn_sin = kept[1] * direction, kept[2], kept[3], kept[4] * direction
+    after[0], after[1] = here[0] + cos * ahead - sin * aside, here[1] + sin * ahead + cos * aside
+    after[2], after[3] = here[2] + turned * direction, arc.curvature
     return cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
 
 
@@ -400,23 +429,17 @@ def _pop(heap: NDArray[np.int32], value: NDArray[np.float64], waiting: int) -> i
 
 
 @kernel
-def _write(
-    motion: Record,
-    node: int,
-    parent: NDArray[np.int32],
-    state: NDArray[np.float64],
-    direction: NDArray[np.int8],
-) -> None:
+def _write(motion: Record, node: int, tree: _Tree) -> None:
     """Write the motion that leads to a node, cut off if it has too many points."""
     count, walk = 0, node
     while walk > 0:
-        count, walk = count + 1, parent[walk]
+        count, walk = count + 1, tree.parent[walk]
     motion.count = min(count, _POINTS)
     while node > 0:
         count -= 1
         if count < _POINTS:
             point = motion.points[count]
             for k in range(4):
-                point[k] = state[node, k]
-            point[DIRECTION] = direction[node]
-        node = parent[node]
+                point[k] = tree.state[node, k]
+            point[DIRECTION] = tree.direction[node]
+        node = tree.parent[node]

@@ -24,8 +24,10 @@ from .motion_search import (
     MOST_LOCK,
     MOST_NODES,
     MOTION,
+    Query,
     outline_in_walls,
     search_motion,
+    sorted_ends,
     touches,
 )
 
@@ -117,10 +119,8 @@ def _begins(frontier: Record, limiter: Record, memory: Record, steering_angle: f
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     for attempt in range(2):  # the second has what the first leaves of the nodes, so next time the other one begins
         nearest = WALL_IN_2 if (attempt + memory.failed) % 2 == 0 else WALL_IN_1
-        nodes = MOST_NODES - frontier.nodes
-        if search_motion(
-            frontier, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, nodes
-        ):
+        query = Query(curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, MOST_NODES)
+        if search_motion(frontier, limiter, memory.motion, query):
             memory.active, memory.next_point = True, 0
             memory.in_walls = outline_in_walls(world, car, world.x, world.y, cos, sin)
             return True
@@ -131,11 +131,11 @@ def _begins(frontier: Record, limiter: Record, memory: Record, steering_angle: f
 @kernel
 def _is_free(frontier: Record, car: Record, memory: Record) -> bool:
     """Return whether what is left of the motion is free."""
+    world, most = frontier.map, max(memory.in_walls, MOST_IN_WALLS)
+    ends = sorted_ends(world, world.ends_known)
     for k in range(memory.next_point, memory.motion.count):
-        point = memory.motion.points[k]
-        cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])
-        if outline_in_walls(frontier.map, car, point[X], point[Y], cos, sin) > max(memory.in_walls, MOST_IN_WALLS):
-            return False
-        if touches(frontier.map, car, point[X], point[Y], point[HEADING], 0.0):
+        x, y, heading = memory.motion.points[k, X], memory.motion.points[k, Y], memory.motion.points[k, HEADING]
+        cos, sin = math.cos(heading), math.sin(heading)
+        if outline_in_walls(world, car, x, y, cos, sin) > most or touches(ends, car, x, y, cos, sin, 0.0):
             return False
     return True

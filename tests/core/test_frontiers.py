@@ -8,8 +8,7 @@ import pytest
 
 from cases import each
 from drawn_worlds import Driven, box, cell, kinds, least_of_blocks, lines, middles
-from fg_mujoco.controllers.perception.cell_distances import BLOCKS, FAR, cell_at, dijkstra
-from fg_mujoco.controllers.perception.cell_marks import AT_WALL, WAY_BACK, mark_cells
+from fg_mujoco.controllers.perception.cells import AT_WALL, BLOCKS, FAR, WAY_BACK, cell_at, dijkstra, mark_cells
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, SIZE, WALL
 
 STRAIGHT = lines([(-30.0, -1.0), (60.0, -1.0)], [(-30.0, 1.0), (60.0, 1.0)])

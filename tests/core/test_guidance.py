@@ -9,7 +9,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.perception.scan_geometry import geometry_record
-from fg_mujoco.controllers.safety.guidance import GuidanceSettings, _speed_to_stop
+from fg_mujoco.controllers.safety.guidance import GuidanceSettings, speed_to_stop
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
@@ -72,7 +72,7 @@ def test_without_a_frontier_the_speed_is_that_from_which_the_car_stops_ahead_of_
     room = max(ahead - (CAR.length - CAR.rear_overhang - CAR.lidar_offset) - own.stop_margin, 0.0)
     expected = math.sqrt(2.0 * own.profile_braking * limiter["braking"] * room)
     scan_row, limiter, settings = (np.rec.array(row)[()] for row in (geometry_record(scan)[0], limiter, settings))
-    assert _speed_to_stop(scan_row, scan.ranges, limiter, settings) == pytest.approx(expected, rel=1e-3)
+    assert speed_to_stop(scan_row, scan.ranges, limiter, settings) == pytest.approx(expected, rel=1e-3)
 
 
 @each("way_round", [1, -1])

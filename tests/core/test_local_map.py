@@ -28,7 +28,7 @@ from fg_mujoco.controllers.perception.local_map import (
     in_window,
     move,
 )
-from fg_mujoco.controllers.safety.motion_search import touches
+from fg_mujoco.controllers.safety.motion_search import sorted_ends, touches
 from scan_worlds import CAR
 
 ROOM = lines(box(-2.05, -1.55, 4.05, 2.05))
@@ -82,8 +82,9 @@ def test_a_rear_corner_that_turns_into_a_wall_that_no_beam_sees_any_more_touches
     for turned in np.arange(0.0, 0.8, 0.02):
         corner = CAR.rear_overhang * math.sin(turned) + 0.5 * CAR.width * math.cos(turned)
         if not wall - 0.001 < corner < wall + 0.016:
-            heading = memory["heading"] - side * turned
-            assert touches(memory, row, memory["x"], memory["y"], heading, 0.0) == (corner > wall), turned
+            heading, ends = memory["heading"] - side * turned, sorted_ends(memory, int(memory["ends_known"]))
+            at = memory["x"], memory["y"], math.cos(heading), math.sin(heading)
+            assert touches(ends, row, *at, 0.0) == (corner > wall), turned
 
 
 @each("sign", [1.0, -1.0])

@@ -8,17 +8,17 @@ import pytest
 
 from cases import each
 from drawn_worlds import least_of_blocks
-from fg_mujoco.controllers.perception.cell_distances import FAR
+from fg_mujoco.controllers.perception.cells import FAR
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, SIZE, WALL, WALL_IN_1, WALL_IN_2
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
-from fg_mujoco.controllers.safety.motion_search import MOTION, search_motion, touches
+from fg_mujoco.controllers.safety.motion_search import MOST_NODES, MOTION, Query, search_motion, sorted_ends, touches
 from scan_worlds import CAR, MU
 
 LIMITER = FrictionLimiter(CAR, MU)
 TIGHTEST = math.tan(CAR.max_steering_angle) / CAR.wheelbase
 GRIP = 0.85
-NODES = 16000
+NODES = 16000  # of a search; in a tick there are fewer
 AT = np.arange(-120, 121)
 X, Y = np.meshgrid((AT + 0.5) * CELL, (AT + 0.5) * CELL, indexing="ij")
 INDEX = np.ix_(AT & RING, AT & RING)
@@ -41,7 +41,7 @@ def world(walls, goal):
     The way to go is the length of the shortest way among cells that share a side, clear of walls by a cell.
     """
     way = np.zeros(1, FRONTIER_SEARCH)[0]
-    way["found"] = True
+    way["found"], way["nodes"] = True, MOST_NODES - NODES
     at, near = grown(walls, offsets(1, 0)), grown(walls, offsets(2, 1))
     way["map"]["cells"][INDEX] = np.where(walls, WALL, FREE) | np.where(at, WALL_IN_1, near * WALL_IN_2)
     way["distance_to_goal"][:] = FAR
@@ -66,12 +66,10 @@ def u_turn(lane, barrier=0.1):
     return ~inside | ((X < 1.0) & (low < Y) & (high > Y))
 
 
-def search(way, speed=0.0, curvature=0.0, reverses=False, horizon=100.0, nearest=WALL_IN_2, grip=GRIP, nodes=NODES):
+def search(way, speed=0.0, reverses=False, nearest=WALL_IN_2, nodes=NODES):
     motion = np.zeros(1, MOTION)[0]
-    limiter = LIMITER.record[0]
-    found = search_motion(
-        way, limiter, motion, curvature, speed, 0.0, grip, 0.97, horizon, nearest, reverses, nodes
-    )  # fmt: skip
+    query = Query(0.0, speed, 0.0, GRIP, 0.97, 100.0, nearest, reverses, nodes)
+    found = search_motion(way, LIMITER.record[0], motion, query)
     assert found == motion["found"]
     return motion
 
@@ -169,12 +167,13 @@ def test_a_car_in_contact_leaves_the_wall_and_is_clear_after_that():
     way = world(walls, (4.0, 1.0))
     ends = np.column_stack((np.linspace(-1.0, 1.0, 100), np.full(100, -0.5 * CAR.width - 0.01)))
     way["map"]["ends"][:100], way["map"]["ends_known"] = ends, 100
-    assert touches(way["map"], LIMITER.record[0]["car"], 0.0, 0.0, 0.0, 0.03)
-    assert not touches(way["map"], LIMITER.record[0]["car"], 0.0, 0.0, 0.0, 0.005)
+    places, car = sorted_ends(way["map"], 100), LIMITER.record[0]["car"]
+    assert touches(places, car, 0.0, 0.0, 1.0, 0.0, 0.03)
+    assert not touches(places, car, 0.0, 0.0, 1.0, 0.0, 0.005)
     motion = search(way)
     assert motion["found"]
     for x, y, heading in poses(motion)[1:, :3]:
-        assert not touches(way["map"], LIMITER.record[0]["car"], x, y, heading, 0.0)
+        assert not touches(places, car, x, y, math.cos(heading), math.sin(heading), 0.0)
     assert in_walls(walls, way, poses(motion)[-3:]).min() > 2.0 * CELL
 
 
@@ -184,10 +183,7 @@ def test_the_nodes_of_searches_are_counted_and_no_more_than_allowed(reverses):
     counts = []
     for nodes in (100, 300):
         before = int(way["nodes"])
-        motion = np.zeros(1, MOTION)[0]
-        search_motion(
-            way, LIMITER.record[0], motion, 0.0, 0.0, 0.0, GRIP, 0.97, 100.0, WALL_IN_2, reverses, nodes
-        )  # fmt: skip
+        search(way, reverses=reverses, nodes=nodes)
         counts.append(int(way["nodes"]) - before)
         assert 0 < counts[-1] <= nodes
     assert counts[0] < counts[1] or not reverses

@@ -8,8 +8,8 @@ import pytest
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.control.steering import pursue
-from fg_mujoco.controllers.perception.cell_marks import OPEN
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
+from fg_mujoco.controllers.perception.local_map import FREE
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
 from fg_mujoco.controllers.safety.safety_filter import (
     SafetyFilterSettings,
@@ -117,7 +117,7 @@ def test_along_a_path_ground_that_was_seen_counts_as_free_where_a_corner_hides_i
     ranges = np.full(BEAMS, 30.0)
     ranges[math.radians(10.0) < BEARINGS] = 0.3  # the corner's end, beside the path
     seen = np.zeros(1, FRONTIER_SEARCH)[0]
-    seen["blocked"] = OPEN
+    seen["map"]["cells"] = FREE
     angle = math.atan(0.5 * CAR.wheelbase)
     along = {"path": path}
     for options, passes in ((along | {"ground": seen}, True), (along, False), ({"ground": seen}, False)):
