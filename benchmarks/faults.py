@@ -51,14 +51,14 @@ FAULTS = {
     # the lap that is remembered, and the line through it
     "the error of the dead reckoning that is added again when a lap closes": Fault(
         file="controllers/perception/lap_map.py",
-        old="shift_x, shift_y = x - here_x, y - here_y",
-        new="shift_x, shift_y = here_x - x, here_y - y",
+        old="shift_x, shift_y = pose[0] - here_x, pose[1] - here_y",
+        new="shift_x, shift_y = here_x - pose[0], here_y - pose[1]",
         tests="test_lap_map.py",
     ),
     "scans that are matched in the wrong direction": Fault(
         file="controllers/perception/lap_map.py",
-        old="ex -= normal_x * error",
-        new="ex += normal_x * error",
+        old="right[i] -= row[i] * error",
+        new="right[i] += row[i] * error",
         tests="test_lap_map.py",
     ),
     "a line that braking follows as if the car drove straight ahead": Fault(

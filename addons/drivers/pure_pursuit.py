@@ -8,7 +8,7 @@ the distance to the line, so that the car joins it at a flat angle. The arc to i
 near the line (line_trackers, line_mpc). The speed is that of a profile computed once (line_profile.limit_speeds), where
 the car is and where it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
 The line is the centreline, that of a CSV file (line_profile.read_line), driven in the order of its points, or that of
-least lap time between the map's walls (line_optimizer). It is closed if the map's own line is, and then goes round in
+least lap time between the map's walls (map_raceline). It is closed if the map's own line is, and then goes round in
 the same direction.
 Source: R. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
 Limits: the planner does not see obstacles. Its speed law is `friction`, the profile held in transients; `stopping` and
@@ -229,7 +229,7 @@ class PurePursuit(Planner):
             settings = replace(settings, tracker="lqr" if settings.line == "raceline" else "pure_pursuit")
         points, speeds = map_line.points, np.full(len(map_line.points), math.inf)
         if settings.line == "raceline":
-            from .line_optimizer import raceline  # takes a while
+            from .map_raceline import raceline  # takes a while
 
             points = raceline(map_line, car, mu, max_speed, for_car(settings, car))
             speeds = np.full(len(points), math.inf)
@@ -340,7 +340,7 @@ def _table(
         braking_use=settings.braking_use,
     )
     if walled is not None:
-        from .line_optimizer import room_on_map
+        from .map_raceline import room_on_map
 
         table[:, [RIGHT, LEFT]] = room_on_map(table, walled, car, settings.margin)
     table.flags.writeable = False

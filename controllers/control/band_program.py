@@ -1,6 +1,6 @@
 """A quadratic program on a ring of points, each of which moves within its bounds.
 
-    moved = least_on_ring(bands, gradient, low, high)
+    converges = least_on_ring(bands, gradient, low, high, x)
 
 It minimises g x + x H x / 2 with low <= x <= high. H is symmetric and positive definite, and couples each point with
 the two before and the two behind it, round the ring: so do the squares of second differences along a closed line.
@@ -24,61 +24,16 @@ _SHORT_OF = 0.995  # share of the way to the nearest bound
 _TOLERANCE = 1e-8  # of the gradient, and of the products of multipliers and slacks, relative to the greatest gradient
 
 
-def least_on_ring(bands: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray | None:
-    """Return where the program is least, (n,); None where the method does not converge.
+@kernel
+def least_on_ring(bands: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray, x: FloatArray) -> bool:
+    """Write where the program is least to x (n,), and return whether the method converges.
 
     Args:
       bands: H[i, i], H[i, i + 1] and H[i, i + 2], round the ring, (3, n), n at least 6.
       gradient: g, (n,).
       low: least of each x, (n,).
       high: greatest of each x, (n,), above `low`.
-    """
-    count, scale = len(gradient), max(float(np.abs(gradient).max()), 1e-12)
-    slacks = np.stack((0.5 * (high - low),) * 2)  # to the lower and to the upper bound
-    forces = np.full((2, count), 0.1 * scale)  # multipliers of the bounds
-    x = 0.5 * (low + high)
-    inwards = np.array([[1.0], [-1.0]])
-    for _ in range(_STEPS):
-        pulled = _times(bands, x) + gradient
-        off, gap = pulled - forces[0] + forces[1], float(np.sum(slacks * forces)) / (2 * count)
-        if not np.isfinite(gap):
-            return None
-        if np.abs(off).max() <= 10.0 * _TOLERANCE * scale and gap <= _TOLERANCE * scale:
-            return x
-        stiff = bands.copy()
-        stiff[0] += np.sum(forces / slacks, axis=0)
-        step = solve_ring(stiff, -pulled)
-        changes = -forces - forces / slacks * inwards * step
-        share = min(_first(slacks, inwards * step), _first(forces, changes), 1.0)
-        reached = float(np.sum((slacks + share * inwards * step) * (forces + share * changes))) / (2 * count)
-        centred = ((reached / gap) ** 3 * gap - inwards * step * changes) / slacks
-        step = solve_ring(stiff, -pulled + centred[0] - centred[1])
-        changes = -forces + centred - forces / slacks * inwards * step
-        share = min(_SHORT_OF * min(_first(slacks, inwards * step), _first(forces, changes)), 1.0)
-        x, slacks, forces = x + share * step, slacks + share * inwards * step, forces + share * changes
-    return None
-
-
-def _first(values: FloatArray, changes: FloatArray) -> float:
-    """Return how many times the changes bring the first of the values to 0; inf: none falls."""
-    falls = changes < 0.0
-    return float(np.min(values[falls] / -changes[falls], initial=np.inf))
-
-
-def _times(bands: FloatArray, x: FloatArray) -> FloatArray:
-    """Return H x, (n,)."""
-    diagonal, first, second = bands
-    result = diagonal * x + first * np.roll(x, -1) + np.roll(first * x, 1)
-    return np.asarray(result + second * np.roll(x, -2) + np.roll(second * x, 2))
-
-
-@kernel
-def least_on_ring_into(
-    bands: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray, x: FloatArray
-) -> bool:
-    """Write where the program is least to x (n,), and return whether the method converges.
-
-    The kernel of `least_on_ring`, for planners that solve it in a tick; they agree but for rounding.
+      x: (n,), written to.
     """
     n = len(gradient)
     scale = 1e-12
@@ -104,7 +59,7 @@ def least_on_ring_into(
         for i in range(n):
             stiff[0, i] = bands[0, i] + forces[0, i] / slacks[0, i] + forces[1, i] / slacks[1, i]
             stiff[1, i], stiff[2, i], right[i] = bands[1, i], bands[2, i], -pulled[i]
-        solve_ring_into(stiff, right, step)
+        solve_ring(stiff, right, step)
         centred[:] = 0.0
         share = min(_until(slacks, forces, centred, step, changes), 1.0)
         reached = 0.0
@@ -117,7 +72,7 @@ def least_on_ring_into(
             centred[0, i] = (centre - step[i] * changes[0, i]) / slacks[0, i]
             centred[1, i] = (centre + step[i] * changes[1, i]) / slacks[1, i]
             right[i] = -pulled[i] + centred[0, i] - centred[1, i]
-        solve_ring_into(stiff, right, step)
+        solve_ring(stiff, right, step)
         share = min(_SHORT_OF * _until(slacks, forces, centred, step, changes), 1.0)
         for i in range(n):
             x[i] += share * step[i]
@@ -153,16 +108,9 @@ def _row_times(bands: FloatArray, x: FloatArray, i: int) -> float:
     return float(value + bands[2, i] * x[second] + bands[2, first] * x[first])
 
 
-def solve_ring(bands: FloatArray, right: FloatArray) -> FloatArray:
-    """Return x of H x = right, (n,); arguments as of `least_on_ring`."""
-    x = np.empty(len(right))
-    solve_ring_into(np.ascontiguousarray(bands), np.ascontiguousarray(right), x)
-    return x
-
-
 @kernel
-def solve_ring_into(bands: FloatArray, right: FloatArray, x: FloatArray) -> None:
-    """Write x of H x = right: the band without the last two points first, for the right side and for these two."""
+def solve_ring(bands: FloatArray, right: FloatArray, x: FloatArray) -> None:
+    """Write x of H x = right (n,): the band without the last two points first, for the right side and for these two."""
     n = len(right)
     core = n - 2
     pivots, near, far = np.empty(core), np.zeros(core), np.zeros(core)  # D, L[i, i - 1] and L[i, i - 2]

@@ -1,6 +1,6 @@
 """Lap trial: on tires that need slip angles, the planner simulates its own lap on a line before it follows the line.
 
-    state = try_lap(trial, line, lap, directions, limiter, max_speed, period)  # in every tick until it is not TRYING
+    state = try_lap(line, lap, walls, limiter, max_speed, period)  # in every tick until it is not TRYING
 
 A car on soft tires answers late: on less than 20 /rad of cornering stiffness it can swing off a line that its friction
 allows. So two laps are simulated, 40 ticks in each tick: the steering and the friction limiter as they drive on the
@@ -28,15 +28,15 @@ from ..control.planner_settings import Record
 from ..control.slip import arc_angle, drag, steered, velocity_angle
 from ..control.steering import saturate
 from ..control.tracking import HEADING, X, Y, next_point
-from ..perception.lap_map import TOO_FAR
+from ..perception.lap_map import BEAMS, nearest_place
 from .friction_limiter import LIMITER_MEMORY, limited
-from .line_following import LEAVES, ahead_on, position_on, reference_on
+from .line_following import LEAVES, line_ahead, position_on, reference_on
 
 _LAPS = 2.0
 _TICKS = 40  # that are simulated in a tick
 _STEPS = 10  # of the model in a tick
 _CLEAR = 0.02  # [m] between the car and what was seen: a line that barely holds is not followed
-_BEHIND, _AHEAD = 6, 10  # places whose beams are looked at
+_BEHIND, _AHEAD = 3, 5  # places whose beams are looked at
 _START = 1.0  # [m/s]
 _DELAYED = 8  # commands that are kept
 
@@ -66,59 +66,49 @@ TRIAL = np.dtype(
 
 
 @kernel
-def try_lap(
-    trial: Record,
-    points: FloatArray,
-    spacing: float,
-    lap: Record,
-    directions: FloatArray,
-    limiter: Record,
-    max_speed: float,
-    period: float,
-) -> int:
+def try_lap(line: Record, lap: Record, walls: FloatArray, limiter: Record, max_speed: float, period: float) -> int:
     """Simulate a part of the laps on a line; return TRYING, HOLDS or FAILS.
 
     Args:
-      trial: of type TRIAL, written to.
-      points: of the line (n, 6).
-      spacing: of the points [m].
+      line: of type lap_raceline.LINE, ready; its `trial` is written to.
       lap: of type LAP_MAP, closed.
-      directions: of the beams that are kept, see `beam_directions`.
+      walls: where the beams of the first lap ended, see `lap_map.walls_of`.
       limiter: of type LIMITER, of a car on the line.
       max_speed: of the planner [m/s].
       period: of a tick [s].
     """
+    trial = line.trial
     if not trial.begun:
+        start = line_ahead(line, 1, 0.0, 0.0, 0.0, limiter)[0]
         trial.begun, trial.way, trial.next, trial.place = True, 0.0, 1, 0
-        trial.x, trial.y, trial.heading = points[0, X], points[0, Y], points[0, HEADING]
+        trial.x, trial.y, trial.heading = start[X], start[Y], start[HEADING]
         trial.speed, trial.sideways, trial.yaw_rate, trial.steering = _START, 0.0, 0.0, 0.0
         trial.slip[:], trial.commands[:], trial.commands[:, 1] = 0.0, 0.0, _START
         trial.memory.acceleration = trial.memory.lateral_use = trial.memory.curvature = 0.0
     for _ in range(_TICKS):
         if trial.state == TRYING:
-            if not _command(trial, points, spacing, limiter, max_speed, period):
+            if not _command(line, limiter, max_speed, period):
                 trial.state = FAILS
                 break
             for step in range(_STEPS):
                 move_car(trial, limiter, step * period / _STEPS, period)
-            if _touches(trial, lap, directions, limiter.car):
+            if _touches(trial, lap, walls, limiter.car):
                 trial.state = FAILS
-            elif trial.way > _LAPS * spacing * len(points):
+            elif trial.way > _LAPS * line.spacing * line.count:
                 trial.state = HOLDS
     return int(trial.state)
 
 
 @kernel
-def _command(
-    trial: Record, points: FloatArray, spacing: float, limiter: Record, max_speed: float, period: float
-) -> bool:
+def _command(line: Record, limiter: Record, max_speed: float, period: float) -> bool:
     """Keep the command of a tick, as on the line; return whether the car is still on it."""
-    slip, car, now = limiter.slip, limiter.car, trial.speed
+    trial, slip, car = line.trial, limiter.slip, limiter.car
+    now, spacing = trial.speed, line.spacing
     heading = trial.heading + velocity_angle(slip, car, now, trial.yaw_rate)
-    window = ahead_on(points, trial.next)
-    point = next_point(window, 1, trial.x, trial.y, heading)
-    trial.next = (trial.next + point - 1) % len(points)
-    position, aside, turned = position_on(window, point, spacing, trial.x, trial.y, heading)
+    window = line_ahead(line, trial.next, trial.x, trial.y, heading, limiter)
+    point = next_point(window, 1, 0.0, 0.0, 0.0)
+    trial.next = (trial.next + point - 1) % line.count
+    position, aside, turned = position_on(window, point, spacing)
     if not abs(aside) < LEAVES:  # nor is NaN
         return False
     steering, speed, _ = reference_on(window, position, aside, turned, spacing, limiter, now, True)
@@ -170,28 +160,16 @@ def _force(axle: Record, slip: float, load: float, drive: float) -> float:
 
 
 @kernel
-def _touches(trial: Record, lap: Record, directions: FloatArray, car: Record) -> bool:
+def _touches(trial: Record, lap: Record, walls: FloatArray, car: Record) -> bool:
     """Return whether the end of a beam of the first lap lies within the car's outline, or near to it."""
-    best, least = trial.place, math.inf
-    for more in range(-_BEHIND, _AHEAD + 1):
-        place = (trial.place + more) % lap.count
-        apart = math.hypot(lap.places[place, 0] - trial.x, lap.places[place, 1] - trial.y)
-        if apart < least:
-            best, least = place, apart
-    trial.place = best
+    trial.place, _ = nearest_place(lap, trial.place, trial.x, trial.y, math.nan)
     cos, sin = math.cos(trial.heading), math.sin(trial.heading)
     half, tail = 0.5 * car.width + _CLEAR, car.rear_overhang + _CLEAR
     nose = car.length - car.rear_overhang + _CLEAR
     for more in range(-_BEHIND, _AHEAD + 1):
-        place = (best + more) % lap.count
-        c, s = math.cos(lap.places[place, 2]), math.sin(lap.places[place, 2])
-        dx = lap.places[place, 0] + car.lidar_offset * c - trial.x
-        dy = lap.places[place, 1] + car.lidar_offset * s - trial.y
-        x, y, turned_cos, turned_sin = cos * dx + sin * dy, cos * dy - sin * dx, cos * c + sin * s, cos * s - sin * c
-        for beam in range(len(directions)):
-            distance, forward, left = lap.ranges[place, beam], directions[beam, 0], directions[beam, 1]
-            if distance < TOO_FAR and -tail < x + distance * (turned_cos * forward - turned_sin * left) < nose:
-                aside = y + distance * (turned_sin * forward + turned_cos * left)
-                if abs(aside) < half:
-                    return True
+        ends = walls[(trial.place + more) % lap.count]
+        for beam in range(BEAMS):
+            dx, dy = ends[beam, 0] - trial.x, ends[beam, 1] - trial.y
+            if -tail < cos * dx + sin * dy < nose and abs(cos * dy - sin * dx) < half:  # nor is NaN
+                return True
     return False

@@ -1,8 +1,8 @@
-"""A car on a line: where it is there, how it is steered, and how fast it may go.
+"""A car on a line: what lies ahead, where the car is there, how it is steered, and how fast it may go.
 
-    points = ahead_on(line, first)
-    position, aside, turned = position_on(points, point, spacing, x, y, heading)
-    steering_angle, speed, _ = reference_on(points, position, aside, turned, spacing, limiter, now, True)
+    window = line_ahead(line, first, x, y, heading, limiter)
+    position, aside, turned = position_on(window, point, line.spacing)
+    steering_angle, speed, _ = reference_on(window, position, aside, turned, line.spacing, limiter, now, True)
 
 The car steers along the line as in control.tracking. Its place on the line and the curvature there are read between
 the points: steps of the steering angle would take from braking. Its speed is the greatest from which the tires hold the
@@ -19,20 +19,24 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
+from ..control.slip import lock_arc
 from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y
 from .friction_limiter import longitudinal_share, stable_share
 
-RADIUS = 4  # column of the line after those of control.tracking: the greatest speed squared over `lateral` [m]
+RADIUS = 4  # column of a window after those of control.tracking: the greatest speed squared over `lateral` [m]
 DEMAND = 5  # column: the acceleration that the tires hold while the car brakes, over the speed squared [1/m]
 OFF = 0.1  # [m] to the side of the line, from which on the car corners less than it could
 LEAVES = 0.6  # [m] to the side of the line, beyond which the car no longer follows it
-CORRECTION_USE = 0.9
-"""Share of the limiter's cornering acceleration for coming back to the line."""
 
 _POINTS = 64  # that the car looks ahead
 # shares of the limiter's cornering acceleration and of its braking; of tires that need slip angles, and so answer late
 _USES, _USES_WHEN_LATE = (0.93, 0.85), (0.9, 0.7)
+_CORRECTION_USE = 0.9  # share of the limiter's cornering acceleration for coming back to the line
+_TURNS_FASTER = 1.35  # times the share of the grip for turning the wheels, on the line
+_TURNING_USE = 0.58  # share of the limiter's steering rate; in the mean of a tick the servo turns with .59 of it
+_NEAR_LOCK = 0.8  # share of the curvature at full lock from which on the car is slower, as it hardly can correct
+_SLOWER = 0.5  # share by which the squared speed is less at full lock
 _LOOKAHEAD = 0.1  # [s] for which the speed is read ahead
 _LENGTH, _LENGTH_TIME = 0.35, 0.15  # [m] and [s]: over which the distance from the line falls
 _ON_IT = 0.06  # [m] to the side of the line from which on the car is slower,
@@ -46,71 +50,114 @@ def uses_on(limiter: Record) -> tuple[float, float]:
 
 
 @kernel
-def ahead_on(points: FloatArray, first: int) -> FloatArray:
-    """Return the points of a closed line (n, 6) from the one before `first` on (_POINTS, 6)."""
-    window = np.empty((_POINTS, 6))
+def turn_in_use(limiter: Record) -> float:
+    """Return the share of what cornering leaves for turning the wheels, of a car on the line: it turns them faster."""
+    own = limiter.settings.turn_in_use
+    return float(own if limiter.slip.needs_slip_angle else min(_TURNS_FASTER * own, 1.0))
+
+
+@kernel
+def turning_use(limiter: Record) -> float:
+    """Return the share of what cornering leaves with which the wheels of a car on the line turn in the mean."""
+    return _TURNING_USE * turn_in_use(limiter)
+
+
+@kernel
+def line_ahead(line: Record, first: int, x: float, y: float, heading: float, limiter: Record) -> FloatArray:
+    """Return the points of a closed line from the one before `first` on, in the frame of a car. Shape (64, 6).
+
+    Columns: x and y [m], heading [rad], curvature [1/m], RADIUS and DEMAND.
+
+    Args:
+      line: with its `points` (n, 2) [m], of which `count` are used, `spacing` [m] apart.
+      first: index of the point.
+      x: of the rear axle [m], in the frame of the points.
+      y: of the rear axle [m].
+      heading: of the car [rad].
+      limiter: of type LIMITER.
+    """
+    points, n, spacing = line.points, line.count, line.spacing
+    cos, sin = math.cos(heading), math.sin(heading)
+    window, bends = np.empty((_POINTS, 6)), np.empty(_POINTS + 4)
+    for k in range(_POINTS + 4):  # the curvature is averaged over three, and its change is that over two of these
+        at = (first - 3 + k) % n
+        before, after = points[at - 1 if at > 0 else n - 1], points[at + 1 if at + 1 < n else 0]
+        here_x, here_y = float(points[at, 0]), float(points[at, 1])
+        to_x, to_y, on_x, on_y = here_x - before[0], here_y - before[1], after[0] - here_x, after[1] - here_y
+        dx, dy = to_x + on_x, to_y + on_y
+        bends[k] = (to_x * on_y - to_y * on_x) / (spacing * spacing * 0.5 * max(math.hypot(dx, dy), 1e-9))
+        if 2 <= k < _POINTS + 2:
+            row = window[k - 2]
+            row[X], row[Y] = cos * (here_x - x) + sin * (here_y - y), cos * (here_y - y) - sin * (here_x - x)
+            row[HEADING] = math.atan2(cos * dy - sin * dx, cos * dx + sin * dy)
+    for k in range(1, _POINTS + 3):
+        bends[k - 1] = 0.5 * bends[k] + 0.25 * (bends[k - 1] + bends[k + 1])
+    share, lateral_use = turning_use(limiter), uses_on(limiter)[0]
+    tightest = math.tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase
+    rear_lag = limiter.car.yaw_inertia / (limiter.car.mass * limiter.car.front_axle_distance)
     for k in range(_POINTS):
-        window[k] = points[(first + k - 1) % len(points)]
+        bend, change = bends[k + 1], (bends[k + 2] - bends[k]) / (2.0 * spacing)
+        window[k, CURVATURE] = bend
+        inwards, bend, change = bend * change > 0.0, abs(bend), abs(change)
+        most = max(bend / lateral_use, limiter.yaw_lag * change / (share * limiter.settings.most_left))
+        if inwards:  # the limiter turns the wheels in with a share of what cornering leaves
+            most = max(most, limiter.yaw_lag * change / share + bend)
+        near_lock = min(max((bend / tightest - _NEAR_LOCK) / (1.0 - _NEAR_LOCK), 0.0), 1.0)
+        window[k, RADIUS] = (1.0 - _SLOWER * near_lock) / max(most, 1e-3)
+        window[k, DEMAND] = bend + (limiter.yaw_lag if inwards else 2.0 * rear_lag) * change
     return window
 
 
 @kernel
-def position_on(
-    points: FloatArray, point: int, spacing: float, x: float, y: float, heading: float
-) -> tuple[float, float, float]:
-    """Return the position of a car between two points of a line: their arc leads from one to the other.
+def position_on(window: FloatArray, point: int, spacing: float) -> tuple[float, float, float]:
+    """Return the position of the car between two points of a window: their arc leads from one to the other.
 
     That is the position along the line in points, how far to the left of the line the car is [m], and its angle to the
     line [rad], positive to the left.
 
     Args:
-      points: of a line (n, 6).
+      window: of a line in the frame of the car (n, 4 or more).
       point: index of the one ahead of the car, from 1.
       spacing: of the points [m].
-      x: of the rear axle [m].
-      y: of the rear axle [m].
-      heading: of the car [rad].
     """
-    before, after = points[point - 1], points[point]
-    left = math.cos(after[HEADING]) * (after[X] - x) + math.sin(after[HEADING]) * (after[Y] - y)
+    before, after = window[point - 1], window[point]
+    left = math.cos(after[HEADING]) * after[X] + math.sin(after[HEADING]) * after[Y]
     share = min(max(1.0 - left / spacing, 0.0), 1.0)
     turn = after[HEADING] - before[HEADING]
     turn -= 2.0 * math.pi * round(turn / (2.0 * math.pi))
     direction = before[HEADING] + share * turn
-    dx = x - before[X] - share * (after[X] - before[X])
-    dy = y - before[Y] - share * (after[Y] - before[Y])
-    aside = math.cos(direction) * dy - math.sin(direction) * dx
+    dx, dy = before[X] + share * (after[X] - before[X]), before[Y] + share * (after[Y] - before[Y])
+    aside = math.sin(direction) * dx - math.cos(direction) * dy
     aside += 0.5 * share * (1.0 - share) * spacing * turn  # from the chord to the arc
-    angle = heading - direction
-    return point - 1 + share, aside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
+    return point - 1 + share, aside, 2.0 * math.pi * round(direction / (2.0 * math.pi)) - direction
 
 
 @kernel
-def curvature_at(points: FloatArray, position: float) -> float:
+def curvature_at(window: FloatArray, position: float) -> float:
     """Return the curvature [1/m] of a line at a position between its points; at the last one, if it is beyond."""
     at = int(position)
-    if at + 1 >= len(points):
-        return float(points[len(points) - 1, CURVATURE])
+    if at + 1 >= len(window):
+        return float(window[len(window) - 1, CURVATURE])
     share = position - at
-    return float((1.0 - share) * points[at, CURVATURE] + share * points[at + 1, CURVATURE])
+    return float((1.0 - share) * window[at, CURVATURE] + share * window[at + 1, CURVATURE])
 
 
 @kernel
-def speed_on(points: FloatArray, position: float, spacing: float, limiter: Record, now: float) -> float:
+def speed_on(window: FloatArray, position: float, spacing: float, limiter: Record, now: float) -> float:
     """Return the greatest speed [m/s] from which the tires hold the car through all that comes.
 
     Args:
-      points: of a line (n, 6).
+      window: of a line (n, 6).
       position: of the car, in points.
       spacing: of the points [m].
       limiter: of type LIMITER.
       now: present speed [m/s].
     """
     grip, braking = limiter.mu * limiter.car.gravity, uses_on(limiter)[1] * limiter.braking
-    squares = np.empty(len(points))
+    squares = np.empty(len(window))
     square, demand = math.inf, 0.0
-    for k in range(len(points) - 1, -1, -1):
-        corner = limiter.lateral * points[k, RADIUS]
+    for k in range(len(window) - 1, -1, -1):
+        corner = limiter.lateral * window[k, RADIUS]
         if square < corner:
             used = square * demand / grip
             share = longitudinal_share(limiter, used, True)
@@ -118,10 +165,10 @@ def speed_on(points: FloatArray, position: float, spacing: float, limiter: Recor
                 share = stable_share(limiter, share, used, math.sqrt(square))
             square += 2.0 * braking * share * spacing
         squares[k] = square = min(square, corner)
-        demand = points[k, DEMAND]
+        demand = window[k, DEMAND]
     best = math.inf
     for each in (position, position + _LOOKAHEAD * max(now, 0.0) / spacing):
-        at = min(int(each), len(points) - 2)
+        at = min(int(each), len(window) - 2)
         share = min(each - at, 1.0)
         best = min(best, (1.0 - share) * squares[at] + share * squares[at + 1])
     return math.sqrt(best)
@@ -129,13 +176,13 @@ def speed_on(points: FloatArray, position: float, spacing: float, limiter: Recor
 
 @kernel
 def reference_on(
-    points: FloatArray, position: float, aside: float, turned: float, spacing: float, limiter: Record, now: float,
+    window: FloatArray, position: float, aside: float, turned: float, spacing: float, limiter: Record, now: float,
     follows: bool,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float]:  # fmt: skip
     """Return steering angle [rad] and speed [m/s] for a car on a line, and the greatest steering angle there [rad].
 
     Args:
-      points: of a line (n, 6).
+      window: of a line (n, 6).
       position: of the car, in points.
       aside: how far to the left of the line it is [m].
       turned: its angle to the line [rad].
@@ -144,14 +191,14 @@ def reference_on(
       now: present speed [m/s].
       follows: whether it follows the line; else it comes to the line by another steering angle.
     """
-    car, speed = limiter.car, speed_on(points, position, spacing, limiter, now)
+    car, speed = limiter.car, speed_on(window, position, spacing, limiter, now)
     length = _LENGTH + _LENGTH_TIME * max(now, 0.0)
-    ahead = curvature_at(points, position + (LAG + late_by(car)) * max(now, 0.0) / spacing)
+    ahead = curvature_at(window, position + (LAG + late_by(car)) * max(now, 0.0) / spacing)
     steering = math.atan(car.wheelbase * (ahead - aside / (length * length) - 2.0 * math.sin(turned) / length))
     wanted = abs(math.tan(steering)) / car.wheelbase
     if follows and abs(aside) > OFF:
-        speed = min(speed, math.sqrt(CORRECTION_USE * limiter.lateral / max(wanted, 1e-3)))
+        speed = min(speed, math.sqrt(_CORRECTION_USE * limiter.lateral / max(wanted, 1e-3)))
     speed *= 1.0 - _SLOWER_OFF * min(max(abs(aside) - _ON_IT, 0.0), LEAVES)
-    most = max(abs(curvature_at(points, position)), CORRECTION_USE * (limiter.lateral / max(now * now, 0.5)))
+    most = max(abs(curvature_at(window, position)), _CORRECTION_USE * (limiter.lateral / max(now * now, 0.5)))
     most = math.atan(car.wheelbase * most)
     return saturate(steering, most), speed, most

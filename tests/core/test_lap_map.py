@@ -9,14 +9,21 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, lines, seen_from
-from fg_mujoco.controllers.control.driving import REFERENCE
 from fg_mujoco.controllers.control.slip import arc_angle
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
-from fg_mujoco.controllers.perception.lap_map import see_lap
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
-from fg_mujoco.controllers.safety.lap_raceline import REMEMBERED, follow_line, free_on, shape_line
+from fg_mujoco.controllers.perception.lap_map import see_lap, walls_of
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
+from fg_mujoco.controllers.safety.lap_raceline import (
+    AWAY,
+    ON,
+    REMEMBERED,
+    free_on,
+    propose_line,
+    shape_line,
+    speed_held_back,
+)
 from fg_mujoco.controllers.safety.lap_trial import TRIAL, move_car
-from fg_mujoco.controllers.safety.line_following import DEMAND, RADIUS, position_on, speed_on
+from fg_mujoco.controllers.safety.line_following import DEMAND, RADIUS, line_ahead, position_on, speed_on
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.tires import AxleTires, Coulomb, Tires
 from scan_worlds import CAR
@@ -64,9 +71,10 @@ def line_of_ring():
     """The lap and the finished line of the ring, driven with exact odometry."""
     remembered = np.zeros(1, REMEMBERED)[0]
     drive(remembered, 0.0, 1.1, odometry())
-    for _ in range(2000):
+    walls = walls_of(remembered["lap"], GEOMETRY, len(BEARINGS), CAR.lidar_offset)
+    for _ in range(100):
         if not remembered["line"]["ready"]:
-            shape_line(remembered["line"], remembered["lap"], GEOMETRY, len(BEARINGS), LIMITER.record[0], 8.0)
+            shape_line(remembered["line"], remembered["lap"], walls, LIMITER.record[0], 8.0)
     assert remembered["line"]["ready"]
     return remembered
 
@@ -88,7 +96,7 @@ def test_the_error_of_the_dead_reckoning_is_taken_off_the_places_when_the_lap_cl
     drive(remembered, way, 0.6, odometry(0.98, 1.0))
     lap = remembered["lap"]
     assert lap["closed"]
-    last = lap["places"][lap["count"] - 10 : lap["count"]]
+    last = lap["places"][lap["count"] - 5 : lap["count"]]
     assert np.hypot(last[:, 0], last[:, 1] - RADIUS_DRIVEN) == pytest.approx(RADIUS_DRIVEN, abs=0.06)
 
 
@@ -100,16 +108,20 @@ def test_the_lap_is_forgotten_where_the_scan_fits_no_longer():
     assert not remembered["lap"]["closed"]
 
 
-def test_the_line_keeps_clear_of_the_walls_and_has_less_second_differences_than_the_path():
+def test_the_line_keeps_clear_of_the_walls_and_is_faster_than_the_path():
+    """The path is a circle, and the line of least radius round the box has its corners to keep clear of."""
     line = line_of_ring()["line"]
     points = line["points"][: line["count"]]
     x, y = points[:, 0], points[:, 1] - RADIUS_DRIVEN  # the lap begins at the bottom of the circle
     outer, inner = 4.4 - np.maximum(abs(x), abs(y)), np.hypot(*np.maximum(abs(np.array([x, y])) - 1.5, 0.0))
     assert np.minimum(outer, inner).min() > 0.5 * CAR.width + 0.1
-    second = np.roll(points[:, :2], 1, 0) - 2.0 * points[:, :2] + np.roll(points[:, :2], -1, 0)
-    of_path = len(points) * ((2.0 * math.pi / len(points)) ** 2 * RADIUS_DRIVEN) ** 2
-    assert np.sum(second**2) < 0.9 * of_path
-    assert np.sum(points[:, CURVATURE]) * line["spacing"] == pytest.approx(2.0 * math.pi, rel=0.02)
+    assert line["count"] * line["spacing"] < 0.93 * 2.0 * math.pi * RADIUS_DRIVEN
+    bends = [line_ahead(line, k + 1, 0.0, 0.0, 0.0, LIMITER.record[0])[0, CURVATURE] for k in range(line["count"])]
+    assert sum(bends) * line["spacing"] == pytest.approx(2.0 * math.pi, rel=0.02)
+
+
+def test_what_is_remembered_of_a_lap_is_below_100_kb():
+    assert REMEMBERED.itemsize < 100_000
 
 
 def test_the_car_brakes_for_a_corner_as_late_as_the_limiter_can():
@@ -125,49 +137,56 @@ def test_the_car_brakes_for_a_corner_as_late_as_the_limiter_can():
     assert speed_on(points[20:], 0.0, 0.25, LIMITER.record[0], 0.0) ** 2 < before - 1.0
 
 
-def circle(radius, count):
-    """Points of a circle round (0, radius), counterclockwise from the bottom, as a lap raceline has them."""
+def line_on_circle(radius, count):
+    """The line of a circle round (0, radius), counterclockwise from the bottom."""
     angles = 2.0 * math.pi * np.arange(count) / count
-    points = np.zeros((count, 6))
-    points[:, X], points[:, Y] = radius * np.sin(angles), radius - radius * np.cos(angles)
-    points[:, HEADING], points[:, CURVATURE] = angles, 1.0 / radius
-    return points, 2.0 * math.pi * radius / count
+    line = np.zeros(1, REMEMBERED)[0]["line"]
+    line["points"][:count, X], line["points"][:count, Y] = radius * np.sin(angles), radius - radius * np.cos(angles)
+    line["count"], line["spacing"], line["ready"] = count, 2.0 * math.pi * radius / count, True
+    return line
 
 
 @each("share", np.linspace(0.05, 0.95, 7).tolist())
 def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     """The points are .084 rad apart: to the chord the car would be .0026 m more to the right in the middle of it."""
-    points, spacing = circle(3.0, 75)
+    line = line_on_circle(3.0, 75)
+    spacing = line["spacing"]
     angle = (3 + share) * spacing / 3.0
     x, y = 2.9 * math.sin(angle), 3.0 - 2.9 * math.cos(angle)  # to the left of the line is towards the middle
-    along, aside, turned = position_on(points, 4, spacing, x, y, angle + 0.05)
+    window = line_ahead(line, 1, x, y, angle + 0.05, LIMITER.record[0])
+    assert window[:, CURVATURE] == pytest.approx(1.0 / 3.0, rel=2e-3)
+    assert np.diff(np.unwrap(window[:, HEADING])) == pytest.approx(spacing / 3.0, rel=1e-3)
+    along, aside, turned = position_on(window, 4, spacing)
     assert along == pytest.approx(3 + share, abs=0.04)
     assert turned == pytest.approx(0.05, abs=0.005)
     assert aside == pytest.approx(0.1, abs=5e-4)
 
 
-def test_braking_on_the_line_takes_nothing_of_the_cornering():
-    """A car that is too fast for its steering angle keeps that angle elsewhere to .9 of what the tires hold."""
-    remembered = line_of_ring()
+def test_a_car_on_its_line_is_proposed_to_follow_it_and_beside_a_mover_not():
+    remembered, limiter = line_of_ring(), LIMITER.record[0]
     line, lap, motion = remembered["line"], remembered["lap"], odometry()
-    lap["x"], lap["y"], lap["heading"] = line["points"][0, :3]
-    reference = np.zeros(1, REFERENCE)[0]
-    follow_line(line, lap, GEOMETRY, scan_at(RING, 0.0), LIMITER.record[0], motion, reference)
-    for limiter, share in ((LIMITER.record[0], 0.9), (line["limiter"], 1.0)):
-        steering, _ = held_on_circle(limiter, 0.4, 5.0, 5.0, 1.0)
-        assert math.tan(steering) / CAR.wheelbase * 25.0 == pytest.approx(share * LIMITER.lateral)
+    ahead = np.diff(line["points"][:2], axis=0)[0]
+    lap["x"], lap["y"] = line["points"][0]
+    lap["heading"] = math.atan2(ahead[1], ahead[0])
+    motion["speed"] = 1.0
+    motion["steering_angle"] = math.atan(CAR.wheelbase / 2.5)
+    proposal = propose_line(remembered, motion, limiter)
+    assert proposal.state == ON and np.abs(proposal.points[0, :2]).max() < 0.5 and proposal.speed > 2.0
+    assert proposal.turn_in_use > limiter["settings"]["turn_in_use"]
+    assert speed_held_back(remembered, proposal, GEOMETRY, scan_at(RING, 0.0), 1.0, limiter) > 0.0
+    remembered["among"] = 5.0
+    assert propose_line(remembered, motion, limiter).state == AWAY and not line["follows"]
 
 
 @each("away", [3.0, None])
 def test_something_new_on_the_line_is_seen(away):
-    remembered = np.zeros(1, REMEMBERED)[0]
-    points = np.zeros((64, 6))
+    points = np.zeros((64, 4))
     points[:, 0] = 0.25 * np.arange(64)
     walls = lines([(-20.0, -1.0), (20.0, -1.0)], [(-20.0, 1.0), (20.0, 1.0)])
     if away is not None:
         walls = np.concatenate((walls, lines(box(away, -0.1, away + 0.2, 0.1))))
     ranges = seen_from(walls, CAR.lidar_offset, 0.0, BEARINGS)
-    free = free_on(points, 0.25, remembered["lap"], GEOMETRY, ranges, CAR_ROW)
+    free = free_on(points, 0.25, GEOMETRY, ranges, CAR_ROW)
     assert free == pytest.approx(away, abs=0.3) if away is not None else free == math.inf
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, FrictionLimiterSettings
+from fg_mujoco.controllers.safety.line_optimizer import Grip, limited_grip
 from fg_mujoco.course.clearance import clearances
 from fg_mujoco.course.course import Course, outline
 from fg_mujoco.course.line_file import raceline_text
@@ -33,7 +34,7 @@ from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
 
-from ..line_optimizer import Grip, Objective, Walls, limited_grip, optimize_line
+from ..map_raceline import Objective, Walls, optimize_line
 
 OBJECTIVES = ("time", "curvature")
 MARGIN = 0.1
@@ -208,7 +209,8 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
 def _grip_of(entry: Entry, course: Course) -> Grip:
     """Return all that a car has by what a planner knows of it, up to its greatest commanded speed."""
     car, mu = entry.world(course).car.parameters, entry.car.reliable_mu(entry.tire_set, entry.all_changes.mu)
-    return limited_grip(FrictionLimiter(car, mu, _ALL), min(float(entry.max_speed), car.max_speed), 1.0, 1.0)
+    limiter, max_speed = FrictionLimiter(car, mu, _ALL).record[0], min(float(entry.max_speed), car.max_speed)
+    return limited_grip(limiter, max_speed, (1.0, 1.0, 1.0), math.inf)
 
 
 def _clearances(poses: FloatArray, standing: FloatArray, car: CarParameters, reach: float) -> FloatArray:

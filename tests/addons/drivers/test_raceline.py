@@ -8,12 +8,12 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.drivers import line_optimizer
-from fg_mujoco.addons.drivers.line_optimizer import Grip, Walls, optimize_line, spread
 from fg_mujoco.addons.drivers.line_profile import read_line
+from fg_mujoco.addons.drivers.map_raceline import Walls, optimize_line
 from fg_mujoco.addons.drivers.racelines import raceline
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
 from fg_mujoco.cli.main import main
+from fg_mujoco.controllers.safety.line_optimizer import Grip, fastest_lap, spread
 from fg_mujoco.course.clearance import clearances
 from fg_mujoco.course.course import outline
 from fg_mujoco.errors import TrackError
@@ -31,32 +31,32 @@ def ring(radius):
     return radius * np.column_stack((np.cos(TURNS), np.sin(TURNS)))
 
 
-def even_grip(lateral=8.0, ahead=4.0, back=5.0, power=30.0, max_speed=9.0):
+def even_grip(lateral=8.0, ahead=4.0, back=5.0, power=30.0, max_speed=9.0, turning=0.0):
     """A g-g diagram of ellipses."""
     left = np.sqrt(1.0 - np.linspace(0.0, 1.0, 65) ** 2)
-    return Grip(lateral=lateral, accelerating=ahead * left, braking=back * left, power=power, max_speed=max_speed)
+    return Grip(lateral, ahead * left, back * left, power, max_speed, 1.3, 0.93, turning, 0.6 * turning)
 
 
 def lap(bends, steps, grip):
     arrays = [np.empty(len(bends)) for _ in range(3)]
-    numbers = *line_optimizer._numbers(grip), 1.3, line_optimizer._LOCK_PRICE
-    time = line_optimizer.fastest_lap(bends, steps, *numbers, *arrays)
-    return time, *arrays
+    return fastest_lap(bends, steps, grip, *arrays), *arrays
 
 
+@each("turning", [0.0, 0.5])
 @each("seed", range(3))
-def test_derivative_of_the_lap_time_is_that_of_finite_differences(seed):
+def test_derivative_of_the_lap_time_is_that_of_finite_differences(seed, turning):
+    grip = even_grip(turning=turning)
     rng, phase = np.random.default_rng(seed), 2.0 * math.pi * np.arange(150) / 150
     waves = (rng.normal(0.0, 0.6 / n) * np.sin(n * phase + rng.uniform(0.0, 6.3)) for n in range(1, 9))
     values = np.array([sum(waves), rng.uniform(0.15, 0.25, 150)])  # bends and steps
-    time, _, *found = lap(*values, even_grip())
-    for row in (0, 1):
+    time, _, *found = lap(*values, grip)
+    for row in (0, 1) if turning == 0.0 else (0,):  # the steps' part in turning is left out
         for place in rng.integers(0, 150, 25):
             around = []
             for change in (-1e-7, 1e-7):
                 changed = values.copy()
                 changed[row, place] += change
-                around.append(lap(*changed, even_grip())[0])
+                around.append(lap(*changed, grip)[0])
             assert found[row][place] == pytest.approx((around[1] - around[0]) / 2e-7, abs=2e-4 * time)
 
 
@@ -75,7 +75,7 @@ def test_fastest_line_of_a_ring_is_at_its_inner_wall(direction):
 def test_bound_is_at_least_as_good_as_that_of_the_shared_raceline():
     ours = make_raceline(Setup(track=str(SHARED / "Zandvoort_map.yaml")))
     theirs = smooth_line(read_line(SHARED / "Zandvoort_raceline.csv")[0][:-1], 0.002, spacing=0.1)
-    own = smooth_line(spread(ours.points[::5], 0.1), 0.002, spacing=0.1)
+    own = smooth_line(spread(ours.points[::5], 5 * len(ours.points[::5])), 0.002, spacing=0.1)
     limits = PointMass(mu=MU, car=CAR, max_speed=8.0)
     assert lap_time(own, fastest_speeds(own, limits)) < lap_time(theirs, fastest_speeds(theirs, limits))
     assert ours.clearance > 0.08
