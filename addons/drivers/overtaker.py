@@ -23,6 +23,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.assist import SAFE
 from fg_mujoco.controllers.control.driving import refer_to_goal
 from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
+from fg_mujoco.controllers.control.stages import Tick
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, write_debug
 from fg_mujoco.controllers.perception.scan_filters import copy_ranges
@@ -85,51 +86,42 @@ class Overtaker(GapFinder):
 
     @staticmethod
     @kernel
-    def refer_worlds(  # type: ignore[no-untyped-def]
-        geometry, odometry, running, planner_states, ticks, lines, ranges, debug
-    ):
-        """Write the references of all running worlds, and for each the scan with cars as drawn and that without."""
-        scans = IntermediateScans(debug[0], debug[1], debug[2], debug[3])
-        count = len(running)
-        for world in range(count):
-            if running[world]:
-                drawn, without, ranges_without_movers = ranges[world], ranges[count + world], ranges[2 * count + world]
-                copy_ranges(without, drawn)
-                driver, bearing, distance = ticks[world].driver, math.nan, 0.0
-                limit, among = math.inf, False
-                predictions = ticks[world].memory.predictions
-                if sees(geometry[0], drawn):
-                    memory, settings = planner_states[world].memory, planner_states[world].settings
-                    if is_told(memory.told, odometry[world]):
-                        among = follow_told(memory.seen, memory.told, geometry[0], drawn, odometry[world], driver.car)
-                    else:
-                        memory.told.follows = False
-                        among = watch_cars(memory.seen, geometry[0], drawn, odometry[world], driver.car.lidar_offset)
-                    draw_standing(memory, geometry[0], drawn, driver.car, settings.car_margin)
-                    copy_ranges(without, drawn)
-                    if among:
-                        hide_cars(memory, geometry[0], without)
-                        copy_ranges(drawn, without)
-                        limit = choose(memory, geometry[0], without, driver.car, settings)
-                        draw_cars(memory, geometry[0], drawn, odometry[world].speed, driver.car, settings)
-                    moves = track(geometry[0], without, odometry[world], driver, predictions)
-                    if among:
-                        copy_ranges(ranges_without_movers, without)
-                    if moves and leave_cars_out(memory.seen, predictions):
-                        separate(geometry[0], without, ranges_without_movers, predictions)
-                        hide_targets(predictions.targets, drawn)
-                    if among and driver.prediction:
-                        predict_cars(memory, driver.car, settings.braking, predictions)
-                    write_debug(scans.filtered, drawn)
-                    bearing, distance = _find_goal(geometry[0], drawn, driver.car, settings, scans)
-                reference = ticks[world].reference
-                refer_to_goal(geometry[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
-                reference.limit = limit
-                if among:
-                    state = planner_states[world]
-                    take_lane(state.memory, odometry[world].speed, driver, state.settings, reference)
-                    if reference.lane_points > 0:
-                        copy_ranges(drawn, without)
+    def refer(tick: Tick) -> None:
+        """Write the reference, the scan with cars as drawn, that without, and that without anything that moves."""
+        scans = IntermediateScans(tick.debug[0], tick.debug[1], tick.debug[2], tick.debug[3])
+        geometry, odometry, car, predictions = tick.geometry, tick.odometry, tick.driver.car, tick.memory.predictions
+        drawn, without, memory, settings = tick.ranges, tick.ranges_without_cars, tick.state.memory, tick.state.settings
+        copy_ranges(without, drawn)
+        bearing, distance, limit, among = math.nan, 0.0, math.inf, False
+        if sees(geometry, drawn):
+            if is_told(memory.told, odometry):
+                among = follow_told(memory.seen, memory.told, geometry, drawn, odometry, car)
+            else:
+                memory.told.follows = False
+                among = watch_cars(memory.seen, geometry, drawn, odometry, car.lidar_offset)
+            draw_standing(memory, geometry, drawn, car, settings.car_margin)
+            copy_ranges(without, drawn)
+            if among:
+                hide_cars(memory, geometry, without)
+                copy_ranges(drawn, without)
+                limit = choose(memory, geometry, without, car, settings)
+                draw_cars(memory, geometry, drawn, odometry.speed, car, settings)
+            moves = track(geometry, without, odometry, tick.driver, predictions)
+            if among:
+                copy_ranges(tick.ranges_without_movers, without)
+            if moves and leave_cars_out(memory.seen, predictions):
+                separate(geometry, without, tick.ranges_without_movers, predictions)
+                hide_targets(predictions.targets, drawn)
+            if among and tick.driver.prediction:
+                predict_cars(memory, car, settings.braking, predictions)
+            write_debug(scans.filtered, drawn)
+            bearing, distance = _find_goal(geometry, drawn, car, settings, scans)
+        refer_to_goal(tick.record, scans.filtered, bearing, distance)
+        tick.reference.limit = limit
+        if among:
+            take_lane(memory, odometry.speed, tick.driver, settings, tick.reference)
+            if tick.reference.lane_points > 0:
+                copy_ranges(drawn, without)
 
 
 @kernel

@@ -38,7 +38,7 @@ from fg_mujoco.controllers.control.planner_settings import (
     setting_of_car,
 )
 from fg_mujoco.controllers.control.slip import late_on_path
-from fg_mujoco.controllers.control.stages import Stage
+from fg_mujoco.controllers.control.stages import Stage, Tick
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.perception.scan_geometry import sees
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
@@ -271,20 +271,14 @@ class PurePursuit(Planner):
 
     @staticmethod
     @kernel
-    def refer_worlds(  # type: ignore[no-untyped-def]
-        geometry, odometry, running, planner_states, ticks, lines, ranges, debug
-    ):
-        """Write the references of all running worlds."""
-        for world in range(len(running)):
-            if running[world]:
-                driver, planner, reference = ticks[world].driver, planner_states[world], ticks[world].reference
-                steering_angle, speed, bearing, distance = math.nan, 0.0, math.nan, math.nan
-                if sees(geometry[0], ranges[world]):
-                    line = lines[driver.line_first : driver.line_end]
-                    steering_angle, speed, bearing, distance = _follow(
-                        odometry[world], driver, planner.settings, planner.memory, line, reference
-                    )
-                refer(geometry[0], ranges[world], driver, steering_angle, speed, bearing, distance, reference)
+    def refer(tick: Tick) -> None:
+        """Write the reference."""
+        steering_angle, speed, bearing, distance = math.nan, 0.0, math.nan, math.nan
+        if sees(tick.geometry, tick.ranges):
+            steering_angle, speed, bearing, distance = _follow(
+                tick.odometry, tick.driver, tick.state.settings, tick.state.memory, tick.line, tick.reference
+            )
+        refer(tick.record, tick.ranges, steering_angle, speed, bearing, distance)
 
     def own_stages(self) -> dict[str, Stage]:
         """Return its tracker, which is a stage."""

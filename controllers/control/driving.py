@@ -210,47 +210,30 @@ TICK = np.dtype(
 
 
 @kernel
-def refer_to_goal(
-    geometry: Record,
-    filtered: FloatArray,
-    odometry: Record,
-    driver: Record,
-    bearing: float,
-    distance: float,
-    reference: Record,
-) -> None:
+def refer_to_goal(tick: Record, filtered: FloatArray, bearing: float, distance: float) -> None:
     """Write the reference that leads to a goal, along an arc or by the goal's bearing.
 
     Args:
-      geometry: of type SCAN_GEOMETRY.
+      tick: of type TICK; its reference is written to.
       filtered: readings as the planner left them (n,) [m], for the mean range towards the goal.
-      odometry: of type ODOMETRY.
-      driver: of type DRIVER.
       bearing: of the goal [rad]; NaN: there is none.
       distance: of the goal from the LiDAR [m].
-      reference: of type REFERENCE, written to.
     """
-    settings, car = driver.settings, driver.car
+    settings, car = tick.driver.settings, tick.driver.car
     if settings.steering == BY_BEARING:
         steering_angle = saturate(bearing, car.max_steering_angle)
     else:
-        reach = min(distance, max(settings.pursuit_distance, settings.pursuit_time * odometry.speed))
+        reach = min(distance, max(settings.pursuit_distance, settings.pursuit_time * tick.odometry.speed))
         steering_angle = pursue(bearing, reach, car.lidar_offset, car.wheelbase)
-    refer(geometry, filtered, driver, steering_angle, driver.max_speed, bearing, distance, reference)
+    refer(tick, filtered, steering_angle, tick.driver.max_speed, bearing, distance)
 
 
 @kernel
 def refer(
-    geometry: Record,
-    filtered: FloatArray,
-    driver: Record,
-    steering_angle: float,
-    speed: float,
-    bearing: float,
-    distance: float,
-    reference: Record,
+    tick: Record, filtered: FloatArray, steering_angle: float, speed: float, bearing: float, distance: float
 ) -> None:
     """Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""
+    driver, geometry, reference = tick.driver, tick.geometry, tick.reference
     reference.steering_angle, reference.bearing, reference.distance = steering_angle, bearing, distance
     reference.speed = reference.own_speed = min(speed, driver.max_speed)
     reference.limit, reference.lane_points, reference.plan = math.inf, 0, 0

@@ -59,7 +59,7 @@ from .driving import DrivingSettings, driver_record, refer, refer_to_goal
 from .planner_batch import PlannerBatch
 from .planner_settings import for_car, for_method, record_type, record_values
 from .reasons import Reason, reasons_in
-from .stages import NO_MEMORY, Stage
+from .stages import NO_MEMORY, Stage, Step, Tick
 
 _motion_of = attrgetter(*ODOMETRY.names or ())
 
@@ -96,7 +96,7 @@ class Planner(Remade):
       settings: those of the planner; what they leave to the car is that of `car`, and what to the method its.
       driver: what the shared kernels read of the planner, shape (1,), of type DRIVER.
       settings_row: what its own kernel reads of its settings, shape (1,).
-      stages: its stages by name, in the order of their calls, each with what it keeps at the beginning, shape (1,).
+      stages: its stages by name, in the order of their calls.
       driven_by: name of the stage that writes its command; empty: its reference is its command.
 
     Raises:
@@ -108,8 +108,8 @@ class Planner(Remade):
     source_laws: ClassVar[tuple[str, ...]] = ()  # names of the speed laws that its source has
     assists: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # those of assist.ASSISTS that mean other stages for it
     memory_type: ClassVar[np.dtype[np.void]] = NO_MEMORY
-    refer_worlds: ClassVar[Callable[..., None]]  # from scans to references; made from the planner's kernel
-    hides_cars: ClassVar[bool] = False  # of two scans that `refer_worlds` writes, guidance has the one without cars
+    refer: Step  # writes the reference of a Tick, whose state is (settings, memory); made from `reference`
+    hides_cars: ClassVar[bool] = False  # `refer` writes the scans without cars and without what moves, too
 
     def __init__(
         self,
@@ -133,19 +133,18 @@ class Planner(Remade):
             raise SettingsError(f"{type(self).__name__}.settings is {given!r}; accepted: a {accepted}")
         self.settings: Any = for_car(given, car)
         self.assist = self.settings.assist or assist
-        stages, sees_ahead = self._find_stages()
+        self.stages, sees_ahead = self._find_stages()
         self.settings = for_method(self.settings, given.method or ("refined" if sees_ahead else "source"))
-        shares = evasive(EVASIVE, car, mu) if "sight" in stages and math.isfinite(mu) else None
+        shares = evasive(EVASIVE, car, mu) if "sight" in self.stages and math.isfinite(mu) else None
         limiter = FrictionLimiter(car, mu, shares) if math.isfinite(mu) else None
         late = round(max(latency - car.command_delay, 0.0) / period)
         self.car, self.line = car, line
-        self.driver = driver_record(car, max_speed, limiter, self.settings, stages, late)
+        self.driver = driver_record(car, max_speed, limiter, self.settings, self.stages, late)
         self.settings_row = np.array([record_values(self.settings)], record_type(self.Settings))
         self.trajectories: NDArray[np.void] | None = None
-        if limiter is not None and "sight" in stages:
+        if limiter is not None and "sight" in self.stages:
             self.trajectories = BrakingTrajectories(car, limiter, max_speed).record
-        self.stages = {name: (stage, stage.begin(self)) for name, stage in stages.items()}
-        self.driven_by = next((name for name in reversed(stages) if stages[name].drive is not None), "")
+        self.driven_by = next((name for name in reversed(self.stages) if self.stages[name].drive is not None), "")
         self._alone = PlannerBatch(type(self), [self])
         self._ranges, self._odometry = np.empty((1, 0)), np.zeros(1, ODOMETRY)
         self._running = np.ones(1, np.bool_)
@@ -153,7 +152,7 @@ class Planner(Remade):
 
     def __init_subclass__(cls) -> None:
         if "reference" in vars(cls):
-            cls.refer_worlds = staticmethod(_references_of_worlds(_own_kernel(cls, "reference", _REFERENCE)))
+            cls.refer = staticmethod(_refers_by(_own_kernel(cls, "reference", _REFERENCE)))
         if "__call__" in vars(cls) and "batch" not in vars(cls):
             cls.batch = None  # type: ignore[assignment, method-assign]
 
@@ -287,7 +286,7 @@ class GoalPlanner(Planner):
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         if "goal" in vars(cls):
-            cls.refer_worlds = staticmethod(_goals_of_worlds(_own_kernel(cls, "goal", _GOAL)))
+            cls.refer = staticmethod(_refers_to(_own_kernel(cls, "goal", _GOAL)))
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the goal's bearing [rad] and its distance from the LiDAR [m]; None where there is none."""
@@ -326,47 +325,32 @@ def _own_kernel(cls: type, name: str, accepted: tuple[str, ...]) -> Callable[...
     return own
 
 
-def _goals_of_worlds(goal: Callable[..., tuple[float, float]]) -> Callable[..., None]:
-    """Return the kernel that writes the references of all running worlds for their goals."""
+def _refers_to(goal: Callable[..., tuple[float, float]]) -> Step:
+    """Return the kernel of a Tick that writes the reference to the goal that a kernel finds."""
 
     @kernel
-    def refer_worlds(  # type: ignore[no-untyped-def]
-        geometry, odometry, running, planner_states, ticks, lines, ranges, debug
-    ):
-        scans = IntermediateScans(debug[0], debug[1], debug[2], debug[3])
-        for world in range(len(running)):
-            if running[world]:
-                driver, bearing, distance = ticks[world].driver, math.nan, 0.0
-                if sees(geometry[0], ranges[world]):
-                    write_debug(scans.filtered, ranges[world])
-                    bearing, distance = goal(
-                        geometry[0], ranges[world], driver.car, planner_states[world].settings, scans
-                    )
-                reference = ticks[world].reference
-                refer_to_goal(geometry[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
+    def refer_to(tick: Tick) -> None:
+        scans = IntermediateScans(tick.debug[0], tick.debug[1], tick.debug[2], tick.debug[3])
+        bearing, distance = math.nan, 0.0
+        if sees(tick.geometry, tick.ranges):
+            write_debug(scans.filtered, tick.ranges)
+            bearing, distance = goal(tick.geometry, tick.ranges, tick.driver.car, tick.state.settings, scans)
+        refer_to_goal(tick.record, scans.filtered, bearing, distance)
 
-    made: Callable[..., None] = refer_worlds
-    return made
+    return refer_to
 
 
-def _references_of_worlds(reference: Callable[..., tuple[float, float, float]]) -> Callable[..., None]:
-    """Return the kernel that writes the references of all running worlds."""
+def _refers_by(reference: Callable[..., tuple[float, float, float]]) -> Step:
+    """Return the kernel of a Tick that writes the reference that a kernel returns."""
 
     @kernel
-    def refer_worlds(  # type: ignore[no-untyped-def]
-        geometry, odometry, running, planner_states, ticks, lines, ranges, debug
-    ):
-        for world in range(len(running)):
-            if running[world]:
-                driver, planner = ticks[world].driver, planner_states[world]
-                steering_angle, speed, bearing = math.nan, 0.0, math.nan
-                if sees(geometry[0], ranges[world]):
-                    line = lines[driver.line_first : driver.line_end]
-                    steering_angle, speed, bearing = reference(
-                        geometry[0], ranges[world], odometry[world], driver.car, planner.settings, planner.memory, line
-                    )
-                reference_row = ticks[world].reference
-                refer(geometry[0], ranges[world], driver, steering_angle, speed, bearing, math.nan, reference_row)
+    def refer_by(tick: Tick) -> None:
+        steering_angle, speed, bearing = math.nan, 0.0, math.nan
+        if sees(tick.geometry, tick.ranges):
+            steering_angle, speed, bearing = reference(
+                tick.geometry, tick.ranges, tick.odometry, tick.driver.car, tick.state.settings, tick.state.memory,
+                tick.line,
+            )  # fmt: skip
+        refer(tick.record, tick.ranges, steering_angle, speed, bearing, math.nan)
 
-    made: Callable[..., None] = refer_worlds
-    return made
+    return refer_by

@@ -30,9 +30,8 @@ from ..safety.braking_trajectories import TRAJECTORIES
 from .decision import begin, drive
 from .driving import DRIVING_MEMORY, TICK
 from .planner_settings import record_type
-from .stages import ARRAYS, NO_MEMORY, STAGE_ARRAYS, Step, call_all, refer_at, see_at, stage_at
+from .stages import NO_MEMORY, STAGE_ARRAYS, BatchArrays, Stage, Step, call_all, see_at, stage_at
 
-_NO_LINE = np.empty((0, 0))
 _NO_TRAJECTORIES = np.zeros(1, TRAJECTORIES)
 _ALL = slice(None)
 
@@ -63,69 +62,54 @@ class PlannerBatch:
                     f"a batch of {planner_class.__name__} was given a {type(planner).__name__}; accepted: its own class"
                 )
         count, self._read = len(planners), planner_class.read
-        tables = {id(p.trajectories): p.trajectories for p in planners if p.trajectories is not None}
-        places = {table: place for place, table in enumerate(tables)}
-        lines = {id(p.line): p.line for p in planners if p.line is not None}
-        ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
         self._guided = 1 if planner_class.hides_cars else 0  # which of the scans guidance has; the last has no movers
         self._ticks = np.zeros(count, TICK)
         state = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
         self._planner_states = np.zeros(count, np.dtype(state))
+        lines, line_firsts = _join([planner.line for planner in planners], np.empty((0, 0)))
+        trajectories, tables = _join([planner.trajectories for planner in planners], _NO_TRAJECTORIES)
         for world, planner in enumerate(planners):
-            self._ticks["driver"][world], self._planner_states["settings"][world] = (
-                planner.driver[0],
-                planner.settings_row[0],
-            )
-            driver = self._ticks["driver"][world]
-            driver["trajectories"] = places.get(id(planner.trajectories), 0)
-            if planner.line is not None:
-                end = ends[id(planner.line)]
-                driver["line_first"], driver["line_end"] = end - len(planner.line), end
-        self._trajectories = _joined(list(tables.values()), _NO_TRAJECTORIES)
-        self._lines = _joined(list(lines.values()), _NO_LINE)
+            driver, self._planner_states["settings"][world] = planner.driver[0].copy(), planner.settings_row[0]
+            driver["trajectories"], driver["line_first"] = tables[world], line_firsts[world]
+            driver["line_end"] = line_firsts[world] + (0 if planner.line is None else len(planner.line))
+            self._ticks["driver"][world] = driver
         self._geometry, self._given = cast(Any, None), cast(tuple[Any, ...], ())
         self._used = False  # what nobody has written to takes no memory
-        self._table = ArrayTable(ARRAYS, {})
+        self._table = ArrayTable(BatchArrays._fields, {})
         self._tables: list[ArrayTable] = []
         self._lent: list[ArrayTable] = []
-        self._arrays: dict[str, Any] = {
-            "geometry": np.zeros(1, SCAN_GEOMETRY), "planner_states": self._planner_states, "ticks": self._ticks,
-            "lines": self._lines, "trajectories": self._trajectories,
-        }  # fmt: skip
         self.debug = np.empty((len(IntermediateScans._fields), 0))
+        self._arrays: dict[str, Any] = {
+            "geometry": np.zeros(1, SCAN_GEOMETRY), "ticks": self._ticks, "lines": lines, "trajectories": trajectories,
+        }  # fmt: skip
         self.references, self.memory = self._ticks["reference"], self._ticks["memory"]
-        stages = {name: stage for planner in planners for name, (stage, _) in planner.stages.items()}
+        stages = {name: stage for planner in planners for name, stage in planner.stages.items()}
         self.stage_states = {name: np.zeros(count, stage.state_type) for name, stage in stages.items()}
-        has = {name: np.array([name in planner.stages for planner in planners]) for name in stages}
-        for world, planner in enumerate(planners):
-            for name, (stage, first) in planner.stages.items():
-                if stage.first is not None:  # else nothing is written, and takes no memory
-                    self.stage_states[name][world] = first[0]
-        self._first = {
-            name: state.copy() for name, state in self.stage_states.items() if stages[name].first is not None
-        }
-        self._steps: list[tuple[Any, dict[str, NDArray[Any]]]] = []
+        self._steps: list[tuple[Any, dict[str, NDArray[Any]]]] = [(see_at, {})]  # kernels, and arrays of their stages
         self._calls = np.empty((0, 2), np.int64)  # the same by address, for the arrays that were given last
-        nothing, all_worlds = np.zeros(count, NO_MEMORY), np.ones(count, np.bool_)
+        self._add_steps(planner_class, planners, stages)
+
+    def _add_steps(self, planner_class: type[Any], planners: Sequence[Any], stages: dict[str, Stage]) -> None:
+        """Add what is called in a tick, in the order of the calls."""
+        nothing, all_worlds = np.zeros(len(planners), NO_MEMORY), np.ones(len(planners), np.bool_)
+        has = {name: np.array([name in planner.stages for planner in planners]) for name in stages}
 
         def add(step: Step | None, active: NDArray[np.bool_], states: NDArray[np.void]) -> None:
             if step is not None and active.any():
-                self._steps.append((stage_at(step, states.dtype), {"active": active, "stage_states": states}))
+                self._steps.append((stage_at(step, states.dtype), {"active": active, "states": states}))
 
         def add_stages(when: str) -> None:
             for name, stage in stages.items():
                 add(getattr(stage, when), has[name], self.stage_states[name])
 
-        self._steps.append((see_at, {}))
         if not planner_class.hides_cars:
             add_stages("before_reference")
-        self._steps.append((refer_at(planner_class.refer_worlds, self._planner_states.dtype), {}))
+        add(planner_class.refer, all_worlds, self._planner_states)
         self._until_reference = len(self._steps)
-        for when in ("after_reference", "before_guidance"):
-            add_stages(when)
+        add_stages("after_reference")
         add(begin, all_worlds, nothing)
-        for when in ("guide", "after_guidance"):
-            add_stages(when)
+        add_stages("guide")
+        add_stages("after_guidance")
         last = [planner.driven_by for planner in planners]
         for name in dict.fromkeys(last):
             drives = np.array([name == each for each in last])
@@ -143,8 +127,8 @@ class PlannerBatch:
             return
         self._planner_states["memory"][which] = np.zeros((), self._planner_states.dtype["memory"])
         self._ticks["memory"][which] = np.zeros((), DRIVING_MEMORY)
-        for name, state in self.stage_states.items():
-            state[which] = self._first[name][which] if name in self._first else np.zeros((), state.dtype)
+        for state in self.stage_states.values():
+            state[which] = np.zeros((), state.dtype)
 
     def __call__(
         self,
@@ -209,11 +193,12 @@ class PlannerBatch:
             return
         beams = measured.shape[1]
         if "ranges" not in self._arrays or beams != self.debug.shape[1]:
-            count = len(running)
-            taken = np.empty(((2 + self._guided) * count, beams))
-            without_cars = taken[self._guided * count : (1 + self._guided) * count]
+            taken = np.empty((2 + self._guided, len(running), beams))
             self.debug = np.full((len(self.debug), beams), math.nan)
-            self._arrays |= {"ranges": taken, "ranges_without_cars": without_cars, "debug": self.debug}
+            self._arrays |= {
+                "ranges": taken[0], "ranges_without_cars": taken[self._guided], "ranges_without_movers": taken[-1],
+                "debug": self.debug,
+            }  # fmt: skip
             given = ()
         new = {"measured": measured, "odometry": odometry, "running": running, "commands": commands}
         self._arrays |= new
@@ -221,7 +206,7 @@ class PlannerBatch:
             for name, array in new.items():
                 self._table.put(name, array)
         else:
-            self._table = ArrayTable(ARRAYS, self._arrays)
+            self._table = ArrayTable(BatchArrays._fields, self._arrays)
             batch = {"batch": self._table.rows}
             self._tables = [
                 ArrayTable(STAGE_ARRAYS, batch | states) if states else self._table for _, states in self._steps
@@ -233,11 +218,13 @@ class PlannerBatch:
         self._given = measured, odometry, running, commands
 
 
-def _joined(tables: list[NDArray[Any]], none: NDArray[Any]) -> NDArray[Any]:
-    """Return the tables as one, read-only; a single one as it is, and `none` where there is none."""
-    if len(tables) == 1:
-        return _read_only(tables[0])
-    return _read_only(np.concatenate(tables) if tables else none)
+def _join(arrays: Sequence[NDArray[Any] | None], none: NDArray[Any]) -> tuple[NDArray[Any], list[int]]:
+    """Return arrays as one, read-only, `none` where there is none, and where each begins in it, 0 of None."""
+    parts = {id(array): array for array in arrays if array is not None}
+    ends = np.cumsum([0, *map(len, parts.values())]).tolist()
+    firsts = dict(zip(parts, ends, strict=False))
+    joined = next(iter(parts.values()), none) if len(parts) < 2 else np.concatenate(list(parts.values()))
+    return _read_only(joined), [firsts.get(id(array), 0) for array in arrays]
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

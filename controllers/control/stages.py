@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.compiled.array_table import flags, matrix, read_only, rows, table_at, whole_matrix
+from fg_mujoco.compiled.array_table import Table, flags, matrix, read_only, rows, table_at, whole_matrix
 from fg_mujoco.compiled.kernels import call_at, kernel
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import ODOMETRY, FloatArray
@@ -34,9 +34,7 @@ from ..safety.braking_trajectories import TRAJECTORIES
 from .driving import TICK
 from .planner_settings import Record
 
-PLACES = (
-    "before_reference", "after_reference", "before_guidance", "guide", "after_guidance", "drive", "after_driving",
-)  # fmt: skip
+PLACES = ("before_reference", "after_reference", "guide", "after_guidance", "drive", "after_driving")
 """Names of the kernels of a Stage, in the order of their calls."""
 
 NO_MEMORY = np.dtype([("unused", np.int8)])
@@ -57,6 +55,7 @@ class Tick(NamedTuple):
     reference: Record  # of type REFERENCE, written to
     memory: Record  # what driving keeps from tick to tick, of type DRIVING_MEMORY, written to
     state: Record  # what this stage keeps from tick to tick, of its `state_type`, written to
+    debug: FloatArray  # (4, beams) [m] for pictures, in the order of IntermediateScans; written to
     command: FloatArray  # (2,) steering angle [rad] and speed [m/s], written to
     record: Record  # of type TICK, with the records above; a stage that writes the command sets `record.decided`
 
@@ -76,13 +75,11 @@ class Stage:
       needs_friction: whether it has no meaning for a planner that assumes no friction limit, mu = inf.
       before_reference: kernel that is called before the planner refers; None: none is called then.
       after_reference: the same once the planner has referred.
-      before_guidance: the same after all of those.
       guide: the same once the decision has begun.
       after_guidance: the same; if it decides, it sets `tick.record.decided`.
       drive: writes the command, unless there is one. Of a planner's stages only the last one that has it is called.
       after_driving: the same once there is a command.
-      state_type: type of the stage's memory in a world.
-      first: returns the record, shape (1,), with which a Planner begins; None: all zero.
+      state_type: type of the stage's memory in a world, which is zero at the beginning.
 
     Raises:
       ControllerError: what is called at a place is no kernel of a Tick.
@@ -93,13 +90,11 @@ class Stage:
     needs_friction: bool = False
     before_reference: Step | None = None
     after_reference: Step | None = None
-    before_guidance: Step | None = None
     guide: Step | None = None
     after_guidance: Step | None = None
     drive: Step | None = None
     after_driving: Step | None = None
     state_type: np.dtype[np.void] = NO_MEMORY
-    first: Callable[[Any], NDArray[np.void]] | None = None
 
     def __post_init__(self) -> None:
         for name in PLACES:
@@ -110,24 +105,27 @@ class Stage:
                 said += ", which is no kernel" if code is None else f", which takes {code.co_argcount} arguments"
                 raise ControllerError(f"{said}; accepted: a @kernel of (tick: Tick)")
 
-    def begin(self, planner: Any) -> NDArray[np.void]:
-        """Return the record with which a planner begins. Shape (1,)."""
-        return np.zeros(1, self.state_type) if self.first is None else self.first(planner)
+
+class BatchArrays(NamedTuple):
+    """The arrays of a batch of n worlds, as kernels find them in its table."""
+
+    geometry: NDArray[np.void]  # (1,) of type SCAN_GEOMETRY
+    measured: FloatArray  # (n, beams) [m]
+    odometry: NDArray[np.void]  # (n,) of type ODOMETRY
+    running: NDArray[np.bool_]  # (n,)
+    ticks: NDArray[np.void]  # (n,) of type TICK
+    lines: FloatArray  # (points, columns) of the lines through the map, of all planners
+    trajectories: NDArray[np.void]  # (tables,) of type TRAJECTORIES, of all planners
+    ranges: FloatArray  # (n, beams) [m]; this and the following as in Tick
+    ranges_without_cars: FloatArray
+    ranges_without_movers: FloatArray
+    debug: FloatArray
+    commands: FloatArray
 
 
-ARRAYS = (
-    "geometry", "measured", "odometry", "running", "planner_states", "ticks", "lines", "trajectories", "ranges",
-    "ranges_without_cars", "debug", "commands",
-)  # fmt: skip
-"""Names of a batch's arrays, in the order in which the kernels find them."""
+_COUNT = len(BatchArrays._fields)
 
-_COUNT = len(ARRAYS)
-(
-    _GEOMETRY, _MEASURED, _ODOMETRY, _RUNNING, _PLANNER_STATES, _TICKS, _LINES, _TRAJECTORIES, _RANGES,
-    _WITHOUT_CARS, _DEBUG, _COMMANDS,
-) = range(_COUNT)  # fmt: skip
-
-STAGE_ARRAYS = ("batch", "active", "stage_states")
+STAGE_ARRAYS = ("batch", "active", "states")
 """Names of the arrays of one stage: the table of its batch, the worlds that have the stage, and its states."""
 
 
@@ -139,38 +137,24 @@ def call_all(calls: NDArray[np.int64]) -> None:
 
 
 @kernel
+def _arrays_in(table: Table) -> BatchArrays:
+    """Return the arrays of a batch's table."""
+    return BatchArrays(
+        rows(table[0], SCAN_GEOMETRY), read_only(matrix(table[1])), rows(table[2], ODOMETRY), flags(table[3]),
+        rows(table[4], TICK), read_only(matrix(table[5])), read_only(rows(table[6], TRAJECTORIES)), matrix(table[7]),
+        matrix(table[8]), matrix(table[9]), matrix(table[10]), matrix(table[11]),
+    )  # fmt: skip
+
+
+@kernel
 def see_at(address: int) -> None:
-    """Take the readings and the odometry of all running worlds, from the arrays of the table at an address."""
-    table = table_at(address, _COUNT)
-    geometry, measured = rows(table[_GEOMETRY], SCAN_GEOMETRY), read_only(matrix(table[_MEASURED]))
-    odometry, running = rows(table[_ODOMETRY], ODOMETRY), flags(table[_RUNNING])
-    ranges, ticks = matrix(table[_RANGES]), rows(table[_TICKS], TICK)
-    for world in range(len(running)):
-        if running[world]:
-            copy_ranges(ranges[world], valid_ranges(measured[world], geometry[0].range_max))
-            tick = ticks[world]
-            tick.geometry, tick.odometry, tick.decided = geometry[0], odometry[world], False
-
-
-@cache
-def refer_at(refer_worlds: Callable[..., None], state_type: np.dtype[np.void]) -> Any:
-    """Return the kernel that calls `refer_worlds` with the arrays of the table at an address.
-
-    Args:
-      refer_worlds: of a planner's class.
-      state_type: type of the planner's settings and memory in a world.
-    """
-
-    @kernel
-    def refer_at(address):  # type: ignore[no-untyped-def]
-        table = table_at(address, _COUNT)
-        refer_worlds(
-            rows(table[_GEOMETRY], SCAN_GEOMETRY), rows(table[_ODOMETRY], ODOMETRY), flags(table[_RUNNING]),
-            rows(table[_PLANNER_STATES], state_type), rows(table[_TICKS], TICK), read_only(matrix(table[_LINES])),
-            matrix(table[_RANGES]), matrix(table[_DEBUG]),
-        )  # fmt: skip
-
-    return refer_at
+    """Take the readings and the odometry of all running worlds, from the arrays of the batch's table at an address."""
+    batch = _arrays_in(table_at(address, _COUNT))
+    for world in range(len(batch.running)):
+        if batch.running[world]:
+            copy_ranges(batch.ranges[world], valid_ranges(batch.measured[world], batch.geometry[0].range_max))
+            tick = batch.ticks[world]
+            tick.geometry, tick.odometry, tick.decided = batch.geometry[0], batch.odometry[world], False
 
 
 @cache
@@ -185,22 +169,28 @@ def stage_at(step: Step, state_type: np.dtype[np.void]) -> Any:
     @kernel
     def stage_at(address):  # type: ignore[no-untyped-def]
         stage = table_at(address, 3)
-        table, active, states = whole_matrix(stage[0]), flags(stage[1]), rows(stage[2], state_type)
-        running, ticks = flags(table[_RUNNING]), rows(table[_TICKS], TICK)
-        ranges, without_cars = matrix(table[_RANGES]), matrix(table[_WITHOUT_CARS])
-        lines, commands = read_only(matrix(table[_LINES])), matrix(table[_COMMANDS])
-        trajectories = read_only(rows(table[_TRAJECTORIES], TRAJECTORIES))
-        for world in range(len(running)):
-            if running[world] and active[world]:
-                record = ticks[world]
-                driver = record.driver
+        batch, active, states = _arrays_in(whole_matrix(stage[0])), flags(stage[1]), rows(stage[2], state_type)
+        for world in range(len(active)):
+            if batch.running[world] and active[world]:
+                tick = batch.ticks[world]
+                driver = tick.driver
                 step(
                     Tick(
-                        record.geometry, record.odometry, ranges[world], without_cars[world],
-                        ranges[len(ranges) - len(running) + world], driver, lines[driver.line_first : driver.line_end],
-                        trajectories[driver.trajectories], record.reference, record.memory, states[world],
-                        commands[world], record,
+                        geometry=tick.geometry,
+                        odometry=tick.odometry,
+                        ranges=batch.ranges[world],
+                        ranges_without_cars=batch.ranges_without_cars[world],
+                        ranges_without_movers=batch.ranges_without_movers[world],
+                        driver=driver,
+                        line=batch.lines[driver.line_first : driver.line_end],
+                        trajectories=batch.trajectories[driver.trajectories],
+                        reference=tick.reference,
+                        memory=tick.memory,
+                        state=states[world],
+                        debug=batch.debug,
+                        command=batch.commands[world],
+                        record=tick,
                     )
-                )  # fmt: skip
+                )
 
     return stage_at
