@@ -1,0 +1,192 @@
+"""One simulation of the car along a proposal: the friction limiter, the servos and the slip of soft tires in the loop.
+
+    here = Situation(...)
+    contact, time = simulate(here, plan, use)  # of a Plan, with a share of the grip for cornering
+
+A plan holds its first speed for a time, and then brakes to a stop. It steers along a path, or to a goal. The car meets
+something where one of its discs comes near what stands (the widened scan, and ground of the local map that a corner
+hides) or near where something that moves may be at that time: `occupied`, which all proposals share.
+
+These stops are as hard as the tires hold. Limits: braking does not turn the simulated car in. What the scan does not
+show counts as free.
+
+Sources: D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation
+Magazine 4(1), 1997, for simulated stops; S. Petti and T. Fraichard, Safe Motion Planning in Dynamic Environments,
+IEEE/RSJ IROS 2005, for ends that stay free.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from ..control.planner_settings import Record
+from ..control.slip import late_on_path, path_lag
+from ..control.speed import share_of_way
+from ..control.steering import arc_through, late_by
+from ..control.tracking import next_point, steer_along
+from ..perception.cell_marks import NEAR_WALL, OPEN, WITHIN_4
+from ..perception.local_map import PER_METRE, RING, in_window
+from ..perception.scan_geometry import nearest_beam
+from .friction_limiter import limited
+from .predictions import WAIT, WAITS, meets
+
+_FINE_TICKS = 8  # later ones are simulated two at a time
+_TICKS = 64  # of the longest stop: 3 s
+_LONGER = 1.02  # [-] way of a stop over that of wheels that do not slip; tires that brake slip by up to 1 %
+
+
+class Situation(NamedTuple):
+    """What a proposal is judged by: the car, and all that may be in its way."""
+
+    limiter: Record  # of type LIMITER
+    memory: Record  # of type LIMITER_MEMORY, unchanged after a simulation
+    settings: Record  # fields of SafetyFilterSettings
+    geometry: Record  # of type SCAN_GEOMETRY
+    widened: FloatArray  # readings (n,) [m], each widened by a disc over the car's front
+    radius: float  # [m] of that disc
+    movers: FloatArray  # (k, 12) predictions of what moves, which is not in the scan
+    ground: Record  # of type FRONTIER_SEARCH
+    angle: float  # [rad] present steering angle
+    speed: float  # [m/s] present
+    period: float  # [s] of a tick
+
+
+class Plan(NamedTuple):
+    """How a proposal is followed: the frame is that of the rear axle; `path` has no points where it leads to a goal."""
+
+    bearing: float  # [rad] of the goal from the LiDAR
+    distance: float  # [m] of that goal
+    path: FloatArray  # (m, 4) motion, as in control.tracking
+    speed: float  # [m/s] that is commanded first
+    ticks: int  # for which it is, before the car brakes
+    margin: float  # [m] ahead of the bumper
+
+
+@kernel
+def simulate(here: Situation, plan: Plan, use: float) -> tuple[float, float]:
+    """Return the speed [m/s] at which the car meets something on its way to a stop (0: nothing), and when [s].
+
+    `use` is the share of the grip for cornering.
+    """
+    limiter, memory, period = here.limiter, here.memory, here.period
+    car, kept = limiter.car, (memory.acceleration, memory.curvature)
+    turned = share_of_way(period, limiter.settings.steering_response)  # part of a command that a tick carries out
+    slowed, slowed_twice = share_of_way(period, car.speed_time_constant), share_of_way(
+        2.0 * period, car.speed_time_constant
+    )
+    x, y, heading, angle, speed = 0.0, 0.0, 0.0, here.angle, max(here.speed, here.settings.crawl_speed)
+    time, index, contact = 0.0, 0, 0.0
+    for tick in range(_TICKS):
+        ticks = 1.0 if tick < _FINE_TICKS else 2.0
+        reference, index = _steer(here, plan, index, x, y, heading, angle, speed)
+        aim = plan.speed if tick < plan.ticks else 0.0
+        command = limited(limiter, memory, reference, aim, use, angle, speed, ticks * period, True)
+        next_angle = angle + ticks * turned * (command[0] - angle)
+        next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
+        way = _LONGER * 0.5 * (speed + next_speed) * ticks * period
+        curvature = math.tan(0.5 * (angle + next_angle)) / car.wheelbase
+        if limiter.slip.needs_slip_angle:
+            follow = 1.0 - math.exp(-way / path_lag(limiter.slip, 0.5 * (speed + next_speed)))
+            memory.curvature += (curvature - memory.curvature) * follow
+            curvature = memory.curvature
+        x += way * math.cos(heading + 0.5 * curvature * way)
+        y += way * math.sin(heading + 0.5 * curvature * way)
+        heading += curvature * way
+        angle, speed, time = next_angle, next_speed, time + ticks * period
+        stands = speed < here.settings.standing_speed
+        if occupied(here, plan, x, y, heading, time, stands):
+            contact = max(speed, here.settings.standing_speed)
+            break
+        if stands:
+            break
+    memory.acceleration, memory.curvature = kept
+    return contact, time
+
+
+@kernel
+def _steer(
+    here: Situation, plan: Plan, index: int, x: float, y: float, heading: float, angle: float, speed: float
+) -> tuple[float, int]:
+    """Return the steering angle [rad] along a plan from a place, and the index of the path's next point."""
+    car, slip, settings = here.limiter.car, here.limiter.slip, here.settings
+    if len(plan.path) > 0:
+        index = next_point(plan.path, index, x, y, heading)
+        late, path_late = late_by(car), late_on_path(slip, car, speed)
+        return steer_along(plan.path, index, x, y, heading, speed, car.wheelbase, late, path_late), index
+    lidar, cos, sin = car.lidar_offset, math.cos(heading), math.sin(heading)
+    goal_x, goal_y = lidar + plan.distance * math.cos(plan.bearing) - x, plan.distance * math.sin(plan.bearing) - y
+    ahead, left = cos * goal_x + sin * goal_y - lidar, cos * goal_y - sin * goal_x
+    distance = math.sqrt(ahead * ahead + left * left)
+    if distance <= settings.arrived:
+        return angle, index
+    nearer = min(1.0, (settings.pursuit_distance + path_lag(slip, speed)) / distance)
+    return arc_through(lidar + nearer * ahead, nearer * left, car.wheelbase), index
+
+
+@kernel
+def occupied(here: Situation, plan: Plan, x: float, y: float, heading: float, time: float, stands: bool) -> bool:
+    """Return whether a car whose rear axle is at a place [m] at a time [s] meets what stands or what moves.
+
+    What has to stay clear: the disc over the car's front, its centre a quarter of the width behind the bumper, and the
+    plan's margin ahead of it; and discs of the same size round the LiDAR and the rear axle, which cut the corner, once
+    they are ahead of where the LiDAR is now. Along a path, ground that the local map has free counts as free where a
+    corner hides it. Where the car `stands`, nothing that moves may come by for a while.
+    """
+    car, cos, sin = here.limiter.car, math.cos(heading), math.sin(heading)
+    lidar, front = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width
+    beyond_front = 0.25 * car.width + plan.margin  # widening does not shorten a reading, so this has to stay clear too
+    known = len(plan.path) > 0
+    for offset in (front, 0.0, lidar):
+        ahead, left = x + offset * cos - lidar, y + offset * sin
+        more = beyond_front if offset == front else 0.0
+        if offset == front or ahead > 0.0:
+            reading, away = reading_towards(here, ahead, left), math.sqrt(ahead * ahead + left * left)
+            if not reading > away + more:
+                hidden = known and away > reading + here.radius  # what stands there is not in the way, but before it
+                if not (hidden and _was_seen(here, x, y, cos, sin, offset)):
+                    return True
+                if more > 0.0 and not _was_seen(here, x, y, cos, sin, offset + more):
+                    return True
+    if len(here.movers) > 0:
+        apart = here.radius + here.settings.margin_aside
+        for offset in (0.0, lidar, front):
+            ahead, left = x + offset * cos - lidar, y + offset * sin
+            for wait in range(WAITS + 1 if stands else 1):
+                if meets(here.movers, ahead, left, apart, time + WAIT * wait):
+                    return True
+    return False
+
+
+@kernel
+def _was_seen(here: Situation, x: float, y: float, cos: float, sin: float, ahead: float) -> bool:
+    """Return whether the ground at a place ahead of a rear axle is free on the local map, .4 m and more from walls.
+
+    The rear axle is at x, y [m] in the frame of the car, with the cosine and sine of its heading.
+    """
+    ground = here.ground
+    world = ground.map
+    x, y = x + ahead * cos, y + ahead * sin
+    cos, sin = math.cos(world.heading), math.sin(world.heading)
+    i = math.floor((world.x + cos * x - sin * y) * PER_METRE)
+    j = math.floor((world.y + sin * x + cos * y) * PER_METRE)
+    return bool(in_window(world, i, j) and ground.blocked[i & RING, j & RING] & (OPEN | NEAR_WALL | WITHIN_4) == OPEN)
+
+
+@kernel
+def reading_towards(here: Situation, ahead: float, left: float) -> float:
+    """Return the widened reading [m] in the direction of a point [m] in the frame of the LiDAR."""
+    index = nearest_beam(here.geometry.angle_min, here.geometry.angle_increment, ahead, left)
+    return float(here.widened[int(min(len(here.widened) - 1.0, max(0.0, index)))])
+
+
+@kernel
+def reading(here: Situation, bearing: float) -> float:
+    """Return the widened reading [m] at a bearing [rad]."""
+    index = np.rint((bearing - here.geometry.angle_min) / here.geometry.angle_increment)
+    return float(here.widened[int(min(len(here.widened) - 1.0, max(0.0, index)))])
