@@ -30,7 +30,6 @@ ASSISTS: Mapping[str, tuple[str, ...]] = {
     "grip": ("limiter",),
     "safe": SAFE,
     "full": (*SAFE, "guidance", "remember"),
-    "candidates": (*SAFE, "guidance", "remember", "judge"),
 }
 """The four assists; `none` and `grip` have the speed laws of the planner's source besides."""
 
@@ -50,7 +49,6 @@ STAGES: Registry[object] = Registry(
         "sight": f"{_DECISION}SIGHT_STAGE",
         "safety_filter": f"{_DECISION}SAFETY_FILTER_STAGE",
         "recovery": f"{_DECISION}RECOVERY_STAGE",
-        "judge": "fg_mujoco.controllers.safety.judge:JUDGE_STAGE",
         "remember": "fg_mujoco.controllers.safety.lap_raceline:REMEMBER",
     }
 )

@@ -22,7 +22,9 @@ from __future__ import annotations
 
 import math
 
-from fg_mujoco.compiled.kernels import kernel
+import numpy as np
+
+from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
 from ..perception.scan_filters import widen_all
@@ -38,10 +40,11 @@ from ..safety.guidance import (
     path_ahead,
     stop_ahead,
 )
+from ..safety.judge import BEST, Wanted, brake_alone, judge
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
 from ..safety.recovery import angle_along_history, extend_history, reverses
-from ..safety.safety_filter import least_cornering, safe_steering
+from ..safety.rollout import Situation, without_movers
 from .actuation import apply_limits, read_speedometer
 from .planner_settings import Record
 from .reasons import (
@@ -58,22 +61,21 @@ from .reasons import (
     PLAN_IN_TIME,
     PLANNER,
     RECOVERY,
+    REFERENCE,
     SAFETY_FILTER,
     SIGHT,
+    STOP,
     forget_reasons,
     log_step,
 )
 from .reasons import GUIDANCE as GUIDED
-from .slip import held_arc, late_on_path, to_velocity_frame
+from .slip import held_arc, to_velocity_frame
 from .speed import distance_ahead_speed, friction_speed
 from .stages import Stage, Tick
-from .steering import late_by, saturate
-from .tracking import steer_along
+from .steering import saturate
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on among targets where its reference is slower
 _NO_MOVES = 2.0  # [m] from a target the car does not turn in moves
-_BRAKES_FIRST = 0.25  # share of the grip for cornering with which a car brakes harder than with the limiter's own
-_BESIDE = 0.06  # [rad] of steering from the reference, within which a direction is driven as fast as the reference
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 
@@ -89,7 +91,7 @@ def begin(tick: Tick) -> None:
     """Begin a decision: its reasons, the velocity frame, and the speedometer."""
     driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
     reasons, slip, frame, geometry = memory.reasons, driver.limiter.slip, memory.velocity_frame, tick.geometry
-    forget_reasons(reasons)
+    forget_reasons(reasons, memory.proposals)
     if slip.needs_slip_angle:
         command = memory.speedometer.command * (1.0 + memory.speedometer.error)
         command += frame.excess if command != 0.0 else 0.0
@@ -165,16 +167,106 @@ def drive_in_sight(tick: Tick) -> None:
 
 @kernel
 def drive_filtered(tick: Tick) -> None:
-    """Write the command for a reference that passes the safety filter, or for one that does."""
+    """Write the command of the proposal that the judge takes, or of the plan in time."""
     if _is_decided(tick):
         return
-    speed, driver, memory = _by_laws(tick), tick.driver, tick.memory
-    angle = memory.velocity_frame.angle if driver.limiter.slip.needs_slip_angle else 0.0
-    predictions = turned(memory.predictions, angle)
-    surroundings = tick.ranges_without_movers if len(predictions) > 0 else tick.ranges
-    widened = widen_all(surroundings, tick.geometry.angle_increment, tick.trajectories.radius)
+    driver, memory, guidance, reference = tick.driver, tick.memory, tick.memory.guidance, tick.reference
+    speed, steering = _by_laws(tick), saturate(reference.steering_angle, driver.car.max_steering_angle)
+    here = _look_round(tick)
     extend_path_history(tick.record)
-    tick.command[0], tick.command[1] = _drive_filtered(tick, widened, speed, _in_sight(tick, widened), predictions)
+    if memory.history.tried > 0:
+        speed = min(speed, driver.recovery_settings.speed)
+        log_step(memory.reasons, AFTER_RECOVERY, steering, speed)
+    guided, path, in_sight = memory.lead == MOTION_LEADS, path_ahead(guidance), _in_sight(tick, here.widened)
+    if reference.lane_points > 0:
+        guided, path = False, reference.lane[: reference.lane_points].copy()
+    if reference.lane_points > 0 or not memory.knows_speed:
+        speed = min(speed, max(in_sight, here.settings.crawl_speed))
+        log_step(memory.reasons, SIGHT, steering, speed)
+    best, cars = np.zeros(1, BEST)[0], memory.predictions.cars > 0
+    if not cars and is_among(here.movers):
+        if _plans_in_time(here, tick, speed, best):
+            _actuate(tick, PLAN_IN_TIME, best)
+            return
+        here, speed = without_movers(here), 0.0
+    wanted = Wanted(steering, speed, path, guided, stop_ahead(guidance), memory.passed_filter)
+    judge(here, wanted, memory.proposals, best)
+    found = best.contact == 0.0
+    memory.passed_filter = found and best.why <= STOP
+    if found and best.why == REFERENCE and guided:
+        keep_stop(guidance)
+    if cars and not memory.passed_filter and brake_alone(here, wanted, memory.proposals, best):
+        if reference.lane_points > 0:
+            best.use = 1.0  # beside another car it has to follow the course
+    elif driver.recovery and _recovers(here, tick, found, best):
+        _actuate(tick, RECOVERY, best)
+        return
+    elif not found:
+        slow = here.speed <= here.settings.crawl_speed and len(here.movers) == 0
+        best.speed = min(speed, in_sight) if slow else 0.0
+    _actuate(tick, SAFETY_FILTER, best)
+
+
+@inlined
+def _look_round(tick: Tick) -> Situation:
+    """Return the situation in which proposals are judged."""
+    driver, memory, odometry, table = tick.driver, tick.memory, tick.odometry, tick.trajectories
+    angle = memory.velocity_frame.angle if driver.limiter.slip.needs_slip_angle else 0.0
+    movers = turned(memory.predictions, angle)
+    ranges = tick.ranges_without_movers if len(movers) > 0 else tick.ranges
+    widened = widen_all(ranges, tick.geometry.angle_increment, table.radius)
+    return Situation(
+        driver.limiter, memory.limiter, driver.filter_settings, tick.geometry, widened, float(table.radius), movers,
+        memory.guidance.frontier, float(odometry.steering_angle), float(odometry.speed), period_of(tick.geometry),
+    )  # fmt: skip
+
+
+@kernel
+def _actuate(tick: Tick, step: int, best: Record) -> None:
+    """Write the command of the best proposal."""
+    log_step(tick.memory.reasons, step, best.steering_angle, best.speed)
+    tick.command[0], tick.command[1] = apply_limits(tick.record, best.steering_angle, best.speed, best.use)
+
+
+@kernel
+def _recovers(here: Situation, tick: Tick, found: bool, best: Record) -> bool:
+    """Write how the car reverses along its path, if it does; `found`: there is a proposal that meets nothing."""
+    driver, memory = tick.driver, tick.memory
+    stands, waits = abs(here.speed) < here.settings.standing_speed, memory.predictions.count > 0
+    waits |= not memory.guidance.frontier.found
+    leads_on = found and memory.lead != NOBODY_LEADS
+    if not reverses(memory.history, driver.recovery_settings, stands, leads_on, waits, here.period):
+        return False
+    best.steering_angle, best.speed = _back(tick), -driver.recovery_settings.speed
+    return True
+
+
+@kernel
+def _back(tick: Tick) -> float:
+    """Return the steering angle [rad] back along the path."""
+    car = tick.driver.car
+    return saturate(angle_along_history(tick.memory.history, car.wheelbase), car.max_steering_angle)
+
+
+@kernel
+def _plans_in_time(here: Situation, tick: Tick, speed: float, best: Record) -> bool:
+    """Write what the plan in time drives, or how it backs off; return whether it does either."""
+    driver, memory, reference, now = tick.driver, tick.memory, tick.reference, here.speed
+    history, seen = memory.history, memory.predictions.targets
+    heading = seen.heading + (memory.velocity_frame.angle if driver.limiter.slip.needs_slip_angle else 0.0)
+    may_back_off = driver.recovery and abs(now) < 1.2 and now < 0.3 and history.known > 0
+    goal, onwards = (reference.bearing, reference.distance), max(speed, min(_ONWARDS, driver.max_speed))
+    what, angle, planned = plan_in_time(
+        here, memory.plan, (float(seen.x), float(seen.y), heading), goal, onwards, may_back_off
+    )  # fmt: skip
+    memory.passed_filter, best.use = False, 1.0
+    if what == BACKS_OFF:
+        history.stood = 0.0
+        best.steering_angle, best.speed = _back(tick), -BACKING_SPEED
+    elif what == DRIVES:
+        history.back = 0.0  # an attempt to reverse is over
+        best.steering_angle, best.speed = angle, planned
+    return bool(what in (DRIVES, BACKS_OFF))
 
 
 @kernel
@@ -256,149 +348,6 @@ def _speed_by_what_is_ahead(geometry: Record, ranges: FloatArray, driver: Record
         ahead = min(ahead, ranges[beam])
     settings = driver.settings
     return distance_ahead_speed(ahead, settings.safe_distance, settings.full_speed_distance, driver.max_speed)
-
-
-@kernel
-def _drive_filtered(
-    tick: Tick, widened: FloatArray, speed: float, in_sight: float, predictions: FloatArray
-) -> tuple[float, float]:
-    """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
-
-    On a motion that it follows the car brakes as long as it can stop there: a car that leaves the motion before a
-    hairpin does not get round. A direction next to the reference's is driven as fast, if the car can stop there, too.
-    In another one it brakes, but not below the crawl speed as long as a direction is free. Where none is free it
-    brakes: on a motion that it follows it stays on that motion, else it takes the direction that the filter chooses.
-    Before that, it brakes along the motion on which it could last stop, if it still can there. Where it stands and no
-    direction is free it reverses, and tries again. Near what moves it drives by a plan in time.
-
-    Args:
-      tick: its memory is written to.
-      widened: readings (n,) [m], widened by the disc over the car's front.
-      speed: of the reference, by the speed laws [m/s].
-      in_sight: from which the car stops within what it sees [m/s].
-      predictions: of targets that move (k, 12), see safety.predictions.
-    """
-    geometry, odometry, driver, memory = tick.geometry, tick.odometry, tick.driver, tick.memory
-    steering_angle, bearing, distance = tick.reference.steering_angle, tick.reference.bearing, tick.reference.distance
-    lane, radius = tick.reference.lane[: tick.reference.lane_points], tick.trajectories.radius
-    angle, now, car = odometry.steering_angle, odometry.speed, driver.car
-    limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(geometry)
-    reference = saturate(steering_angle, car.max_steering_angle)
-    if history.tried > 0:
-        speed = min(speed, driver.recovery_settings.speed)
-        log_step(memory.reasons, AFTER_RECOVERY, steering_angle, speed)
-    guidance = memory.guidance
-    keeps = len(lane) > 0
-    follows, knows_speed = memory.lead == MOTION_LEADS and not keeps, memory.knows_speed and not keeps
-    path = path_ahead(guidance)
-    if keeps:
-        path = lane.copy()
-    reference_speed = speed if knows_speed else min(speed, max(in_sight, settings.crawl_speed))
-    if not knows_speed:
-        log_step(memory.reasons, SIGHT, steering_angle, reference_speed)
-    among = memory.predictions.cars > 0
-    if not among and is_among(predictions):
-        may_back_off = driver.recovery and abs(now) < 1.2 and now < 0.3 and history.known > 0
-        seen, onwards = memory.predictions.targets, max(reference_speed, min(_ONWARDS, driver.max_speed))
-        pose = (
-            float(seen.x),
-            float(seen.y),
-            seen.heading + (memory.velocity_frame.angle if limiter.slip.needs_slip_angle else 0.0),
-        )
-        what, planned, planned_speed = plan_in_time(
-            limiter, memory.limiter, settings, memory.plan, pose, widened, geometry.angle_min, geometry.angle_increment,
-            bearing, distance, onwards, angle, now, period, predictions, radius, guidance.frontier, may_back_off,
-        )  # fmt: skip
-        memory.passed_filter = False
-        if what == BACKS_OFF:
-            history.stood = 0.0
-            back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
-            log_step(memory.reasons, PLAN_IN_TIME, back, -BACKING_SPEED)
-            return apply_limits(tick.record, back, -BACKING_SPEED, 1.0)
-        if what == DRIVES:
-            history.back = 0.0  # an attempt to reverse is over
-            log_step(memory.reasons, PLAN_IN_TIME, planned, planned_speed)
-            return apply_limits(tick.record, planned, planned_speed, 1.0)
-        predictions, reference_speed = predictions[:0], 0.0
-    safe, use, found = safe_steering(
-        limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference,
-        reference_speed, angle, now, period, path, memory.passed_filter, predictions, radius, guidance.frontier,
-    )  # fmt: skip
-    passed, memory.passed_filter = memory.passed_filter, found and safe == reference
-    if memory.passed_filter and follows:
-        keep_stop(guidance)
-    if passed and not memory.passed_filter and now > settings.crawl_speed and len(predictions) == 0 and not among:
-        margin = settings.margin_kept * (settings.margin if len(path) == 0 else settings.margin_aside)
-        braking = least_cornering(
-            limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, angle,
-            now, period, path, margin, 1.0, predictions, radius, guidance.frontier,
-        )  # fmt: skip
-        if braking >= 0.0:  # the stop of the last scan
-            memory.passed_filter = True
-            log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
-            return apply_limits(tick.record, steering_angle, 0.0, braking)
-    if among and not memory.passed_filter:
-        without, use_without, _ = safe_steering(
-            limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, 0.0,
-            angle, now, period, path, True, predictions[:0], radius, guidance.frontier,
-        )  # fmt: skip
-        if without == reference:
-            log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
-            if keeps:
-                use_without = 1.0  # beside another car it has to follow the course
-            else:
-                least = least_cornering(
-                    limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment,
-                    reference, angle, now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius,
-                    guidance.frontier, )  # fmt: skip
-                use_without = least if least >= 0.0 else use_without
-            return apply_limits(tick.record, steering_angle, 0.0, use_without)
-    stands = abs(now) < settings.standing_speed
-    leads_on, waits = found and memory.lead != NOBODY_LEADS, memory.predictions.count > 0 or not guidance.frontier.found
-    if driver.recovery and reverses(history, driver.recovery_settings, stands, leads_on, waits, period):
-        back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
-        log_step(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
-        return apply_limits(tick.record, back, -driver.recovery_settings.speed, use)
-    if not found:
-        last = stop_ahead(guidance)
-        if not stands and len(last) > 0 and len(predictions) == 0:
-            for margin in (settings.margin_kept * settings.margin_aside, 0.0):
-                use_last = least_cornering(
-                    limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment,
-                    reference, angle, now, period, last, margin, 1.0, predictions, radius, guidance.frontier,
-                )  # fmt: skip
-                if use_last >= 0.0:
-                    late, path_late = late_by(car), late_on_path(limiter.slip, car, now)
-                    on_last = steer_along(last, 0, 0.0, 0.0, 0.0, now, car.wheelbase, late, path_late)
-                    log_step(memory.reasons, SAFETY_FILTER, on_last, 0.0)
-                    return apply_limits(tick.record, on_last, 0.0, use_last)
-        speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
-        if follows:  # it is free, as far as its search could tell
-            log_step(memory.reasons, SAFETY_FILTER, steering_angle, speed)
-            return apply_limits(tick.record, steering_angle, speed, 1.0)
-        log_step(memory.reasons, SAFETY_FILTER, safe, speed)
-        return apply_limits(tick.record, safe, speed, use)
-    if safe != reference and follows and len(predictions) == 0:
-        on_motion = least_cornering(
-            limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, reference, angle,
-            now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius, guidance.frontier,
-        )  # fmt: skip
-        if on_motion >= 0.0:
-            log_step(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
-            return apply_limits(tick.record, steering_angle, 0.0, on_motion)
-    if 0.0 < abs(safe - reference) < _BESIDE and len(path) == 0 and len(predictions) == 0:
-        beside, use_beside, _ = safe_steering(
-            limiter, memory.limiter, settings, widened, geometry.angle_min, geometry.angle_increment, safe,
-            reference_speed, angle, now, period, path, True, predictions, radius, guidance.frontier,
-        )  # fmt: skip
-        if beside == safe:
-            log_step(memory.reasons, SAFETY_FILTER, safe, reference_speed)
-            return apply_limits(tick.record, safe, reference_speed, use_beside)
-    if safe != reference:
-        log_step(memory.reasons, SAFETY_FILTER, safe, min(speed, settings.crawl_speed))
-        return apply_limits(tick.record, safe, min(speed, settings.crawl_speed), use)
-    log_step(memory.reasons, SAFETY_FILTER, steering_angle, reference_speed)
-    return apply_limits(tick.record, steering_angle, reference_speed, use)
 
 
 @kernel

@@ -20,10 +20,10 @@ from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray, require
 from ..perception.scan_geometry import SCAN_GEOMETRY
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter
 from ..safety.guidance import GUIDANCE, GuidanceSettings
+from ..safety.judge import JudgeSettings
 from ..safety.plan_in_time import PLAN_IN_TIME
 from ..safety.predictions import MOST_LATE, PREDICTIONS
 from ..safety.recovery import PATH_HISTORY, RecoverySettings
-from ..safety.safety_filter import SafetyFilterSettings
 from .actuation import SPEEDOMETER
 from .assist import names_in
 from .planner_settings import (
@@ -40,7 +40,7 @@ from .planner_settings import (
     setting_of_car,
     setting_of_method,
 )
-from .reasons import REASONS
+from .reasons import PROPOSALS, REASONS
 from .slip import VELOCITY_FRAME
 from .speed import mean_range_speed
 from .steering import pursue, saturate
@@ -114,7 +114,7 @@ DRIVER = np.dtype(
         ("late", np.int64),  # ticks by which scans are older than the odometry
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
-        ("filter_settings", record_type(SafetyFilterSettings)),
+        ("filter_settings", record_type(JudgeSettings)),
         ("recovery_settings", record_type(RecoverySettings)),
         ("guidance_settings", record_type(GuidanceSettings)),
         ("trajectories", np.int64),  # which table of braking trajectories is its own
@@ -137,6 +137,7 @@ DRIVING_MEMORY = np.dtype(
         ("plan", PLAN_IN_TIME),
         ("passed_filter", np.bool_),  # whether the reference passed the safety filter
         ("reasons", *REASONS),  # of the last decision; written, and never read
+        ("proposals", *PROPOSALS),  # the same
     ]
 )
 """Type of what they keep of its car from tick to tick; zero at the beginning."""
@@ -181,7 +182,7 @@ def driver_record(
       late: ticks by which scans are older than the odometry; too many, and nothing is predicted.
     """
     row = np.zeros(1, DRIVER)
-    row["filter_settings"] = record_values(for_car(SafetyFilterSettings(), car))
+    row["filter_settings"] = record_values(for_car(JudgeSettings(), car))
     row["guidance_settings"] = record_values(for_car(GuidanceSettings(), car))
     row["recovery_settings"] = record_values(for_car(RecoverySettings(), car))
     driving = {field.name: getattr(settings, field.name) for field in fields(DrivingSettings)}

@@ -51,9 +51,8 @@ from ..perception.intermediate_scans import IntermediateScans, write_debug
 from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import sees
 from ..safety.braking_trajectories import BrakingTrajectories
-from ..safety.friction_limiter import FrictionLimiter, evasive
+from ..safety.friction_limiter import EVASIVE, FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
-from ..safety.safety_filter import EVASIVE
 from .assist import ASSISTS, STAGES, names_in, stages_of
 from .driving import DrivingSettings, driver_record, refer, refer_to_goal
 from .planner_batch import PlannerBatch

@@ -46,6 +46,23 @@ REASONS = (np.float64, (len(_STEPS), 2))
 """Type of what is kept of a decision: steering angle [rad] and speed [m/s] after each step; NaN: it did not apply."""
 
 
+REFERENCE, STOP, ASIDE, AS_IT_STANDS, BESIDE, MOTION, LAST_STOP = range(7)
+"""Why something was proposed, see safety.judge."""
+
+_WHY = (
+    ("reference", "what the planner or guidance wants, at its speed"),
+    ("stop", "the reference's way, braking"),
+    ("aside", "another direction, no faster than the crawl speed"),
+    ("as it stands", "braking with the wheels as they are"),
+    ("beside", "a direction next to the reference's, at its speed"),
+    ("motion", "braking along the motion of guidance"),
+    ("last stop", "braking along the motion on which the car could last stop"),
+)
+PROPOSALS = (np.float64, (len(_WHY), 5))
+"""Type of what was proposed: the command's steering angle [rad] and speed [m/s] (NaN: it was not), the speed [m/s] at
+which the car would have met something, when [s], and what, see rollout. Of several with one name the best one."""
+
+
 class Reason(NamedTuple):
     """The change that one step made to the reference."""
 
@@ -57,8 +74,9 @@ class Reason(NamedTuple):
 
 
 @inlined
-def forget_reasons(reasons: FloatArray) -> None:
-    """Make a table of type REASONS empty, for the next decision."""
+def forget_reasons(reasons: FloatArray, proposals: FloatArray) -> None:
+    """Make tables of type REASONS and PROPOSALS empty, for the next decision."""
+    proposals[:, 1] = math.nan
     for step in range(len(reasons)):
         reasons[step, 0] = reasons[step, 1] = math.nan
 
@@ -67,6 +85,16 @@ def forget_reasons(reasons: FloatArray) -> None:
 def log_step(reasons: FloatArray, step: int, steering_angle: float, speed: float) -> None:
     """Write what a step made of the reference into a table of type REASONS."""
     reasons[step, 0], reasons[step, 1] = steering_angle, speed
+
+
+@inlined
+def log_proposal(
+    proposals: FloatArray, why: int, steering_angle: float, speed: float, met: tuple[float, float, int]
+) -> None:
+    """Write what a proposal would have met into a table of type PROPOSALS, if that is slower than what stands there."""
+    row = proposals[why]
+    if math.isnan(row[1]) or met[0] < row[2]:
+        row[0], row[1], row[2], row[3], row[4] = steering_angle, speed, met[0], met[1], met[2]
 
 
 def reasons_in(reasons: FloatArray) -> list[Reason]:

@@ -36,6 +36,18 @@ def arc_through(x: float, y: float, wheelbase: float) -> float:
 
 
 @kernel
+def bearing_of_arc(steering_angle: float, distance: float, lidar_offset: float, wheelbase: float) -> float:
+    """Return the position, seen from the LiDAR, of the point at `distance` [m] on the arc of a steering angle [rad].
+
+    This is the inverse of `pursue`. Of an arc that does not reach so far: where it comes nearest to it.
+    """
+    curvature = math.tan(steering_angle) / wheelbase
+    # curvature = 2 y / (x^2 + y^2), with x = o + d cos(bearing) and y = d sin(bearing), o the LiDAR's offset
+    sine = curvature * (lidar_offset**2 + distance**2) / (2.0 * distance * math.hypot(1.0, curvature * lidar_offset))
+    return math.atan(curvature * lidar_offset) + math.asin(min(1.0, max(-1.0, sine)))
+
+
+@kernel
 def late_by(car: Record) -> float:
     """Return by how much later than on the F1TENTH car the wheels turn [s]: lag of the servo and delay of commands."""
     return float(car.steering_time_constant - F1TENTH_STEERING + car.command_delay)

@@ -180,6 +180,13 @@ def _find_held(axles: FloatArray, mu: float, moved: float, soft: bool, shaft: bo
         found[index] = low
 
 
+EVASIVE = FrictionLimiterSettings(most_left=0.6, turn_in_use=0.45)
+"""Settings of the limiter of a car that evades: it brakes and turns out at once, and braking unloads the rear tires.
+
+At a friction of 1.0489; for other floors see `evasive`.
+"""
+
+
 def evasive(settings: FrictionLimiterSettings, car: CarParameters, mu: float) -> FrictionLimiterSettings:
     """Return the settings of a car that evades, which were found at a friction of 1.0489, for a floor of friction `mu`.
 

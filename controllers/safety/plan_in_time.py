@@ -31,18 +31,19 @@ T. Fraichard, Safe Motion Planning in Dynamic Environments, IEEE/RSJ IROS 2005, 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
 from ..control.slip import lock_arc
 from ..control.speed import share_of_way
-from ..control.steering import arc_through
+from ..control.steering import arc_through, bearing_of_arc
 from .predictions import COS, FROM_WALL, RADIUS, SEEN, SIN, SPEED, TO_WALL, TURNS, X, Y, occupied, occupied_if_it_turns
-from .safety_filter import bearing_of_arc, reading_towards, speed_at_contact
+from .rollout import FREE, Plan, Situation, among_standing, reading_towards, simulate
 
 NO_PLAN, DRIVES, BACKS_OFF = range(3)
 """What a plan says: no motion passed, a steering angle and a speed, or that the car backs off."""
@@ -110,107 +111,110 @@ def is_among(rows: FloatArray) -> bool:
     return False
 
 
+class Among(NamedTuple):
+    """What the motions of a tick have in common."""
+
+    here: Situation
+    goal: tuple[float, float]  # ahead of the LiDAR and to its left [m]
+    onwards: float  # [m/s] at which the car would go on
+    room: float  # [m] of way to where the car may only pass
+    servo: float  # share of the limiter's rate of turning with which the wheels turn
+    spans: FloatArray  # of targets (m, k, 4) [m], see `_spans`
+    reaches: FloatArray  # of targets (k,) [m], see `_reaches`
+
+
 @kernel
 def plan_in_time(
-    limiter: Record,
-    memory: Record,
-    settings: Record,
+    here: Situation,
     plan: Record,
     pose: tuple[float, float, float],
-    widened: FloatArray,
-    angle_min: float,
-    angle_increment: float,
-    bearing: float,
-    distance: float,
+    goal: tuple[float, float],
     onwards: float,
-    angle: float,
-    speed: float,
-    period: float,
-    rows: FloatArray,
-    radius: float,
-    ground: Record,
     may_back_off: bool,
 ) -> tuple[int, float, float]:
     """Return what to do, DRIVES and so on, and the steering angle [rad] and the speed [m/s] of a car that drives.
 
     Args:
-      limiter: of type LIMITER.
-      memory: of type LIMITER_MEMORY, unchanged afterwards.
-      settings: fields of SafetyFilterSettings.
+      here: the situation.
       plan: of type PLAN_IN_TIME, written to.
       pose: x, y [m] and heading [rad] of the LiDAR in the frame of the targets.
-      widened: readings (n,) [m] without targets, each widened by the disc that covers the car's front.
-      angle_min: bearing of the first [rad].
-      angle_increment: between them [rad].
-      bearing: of the reference's goal from the LiDAR [rad].
-      distance: of that goal [m].
+      goal: bearing of the reference's goal from the LiDAR [rad], and its distance [m].
       onwards: speed at which the car would go on [m/s].
-      angle: present steering angle [rad].
-      speed: present [m/s].
-      period: of a tick [s].
-      rows: predictions (k, 12), see `predictions`.
-      radius: of the disc over the car's front [m].
-      ground: of type FRONTIER_SEARCH, see `speed_at_contact`.
       may_back_off: whether the car stands, and may reverse.
     """
-    car, parts = limiter.car, _PARTS if len(rows) < 3 else _PARTS_AMONG_MANY
+    rows, speed, parts = here.movers, here.speed, _PARTS if len(here.movers) < 3 else _PARTS_AMONG_MANY
     plan.tick += 1
-    plan.waited = plan.waited + period if speed < 1.0 else 0.0
+    plan.waited = plan.waited + here.period if speed < 1.0 else 0.0
     if speed > _DROVE:
         plan.backed = 0.0
-    far, passing = _FARTHEST, math.inf
+    bold = min(max(plan.waited - _BOLD_AFTER, 0.0) / _BOLD_AFTER, 1.0)
+    among, far = _look_among(here, goal, onwards, bold)
+    scores, places = np.full((_PATHS + 1, len(_PROFILES)), -math.inf), np.empty((_PATHS + 1, 2))
+    path, cautious, longest = np.zeros((_POINTS, 6)), max(_TURNS_AT_ONCE - _PATIENCE * plan.waited, 0.0), 0
+    for number in range(_PATHS + 1):
+        if 0 < number < _PLACES and (number + plan.tick) % parts != 0:
+            continue
+        found, x, y, aside = _place(among, plan, pose, goal[0], far, number)
+        if not found:
+            continue
+        places[number, 0], places[number, 1] = x, y
+        cost = _STEERS * abs(_steering_to(here.limiter.car, x, y) - here.angle) + _GOES_ASIDE * aside
+        free = _lay(among, x, y, path)
+        longest = max(longest, free)
+        _judge(among, path, free, cost, cautious, scores[number])
+        if number == _PATHS:
+            scores[number] += _KEPT
+    walled = longest < _WALLED and plan.waited > _WAITS_BEFORE_WALL
+    may_back_off = may_back_off and plan.backed < _FARTHEST_BACK and (walled or np.max(scores) < _FREE)
+    if may_back_off and _is_out_of_the_way_behind(here.limiter.car, rows, among.reaches, walled):
+        plan.backed += max(-speed, 0.0) * here.period
+        return BACKS_OFF, 0.0, 0.0
+    return _choose(among, plan, pose, goal, scores, places)
+
+
+@inlined
+def _look_among(here: Situation, goal: tuple[float, float], onwards: float, bold: float) -> tuple[Among, float]:
+    """Return what the motions have in common, and the distance [m] of the places across the way."""
+    far, passing, rows, limiter = _FARTHEST, math.inf, here.movers, here.limiter
     for k in range(len(rows)):
         if rows[k, X] > -0.2:
             far = min(far, math.hypot(rows[k, X], rows[k, Y]))
             passing = min(passing, _PASSING + max(rows[k, SPEED] * rows[k, COS], 0.0))
     far = max(far, _NEAREST)
     room = far - _NEAREST + (passing * passing - _PASSING * _PASSING) / (2.0 * _SLOWING * limiter.braking)
-    goal_x, goal_y = distance * math.cos(bearing), distance * math.sin(bearing)
-    bold = min(max(plan.waited - _BOLD_AFTER, 0.0) / _BOLD_AFTER, 1.0)
-    reaches, spans = _reaches(car, rows, bold), _spans(rows, bold)
-    response = limiter.settings.steering_response
-    servo = share_of_way(period, response) * response / period  # of the limiter's rate, in the mean of a tick
-    scores, places = np.full((_PATHS + 1, len(_PROFILES)), -math.inf), np.empty((_PATHS + 1, 2))
-    path, cautious, longest = np.zeros((_POINTS, 6)), max(_TURNS_AT_ONCE - _PATIENCE * plan.waited, 0.0), 0
-    for number in range(_PATHS + 1):
-        if 0 < number < _PLACES and (number + plan.tick) % parts != 0:
-            continue
-        aside, cos, sin = 0.0, math.cos(pose[2]), math.sin(pose[2])
-        if number == 0:
-            x, y = goal_x, goal_y
-        elif number < _PLACES:
-            aside = (number // 2) * _ASIDE * (1.0 if number % 2 == 0 else -1.0)
-            towards = bearing + math.atan(aside / far)
-            view = reading_towards(widened, angle_min, angle_increment, math.cos(towards), math.sin(towards))
-            reach = min(far, view - 0.1)
-            if reach < _ARRIVED:
-                continue
-            x, y = reach * math.cos(towards), reach * math.sin(towards)
-        elif number == _PLACES:
-            x, y = 1.2, 0.5 * math.tan(angle) / car.wheelbase * (1.2 + car.lidar_offset) ** 2
-        else:
-            dx, dy = plan.x - pose[0], plan.y - pose[1]
-            x, y = cos * dx + sin * dy, cos * dy - sin * dx
-            if plan.kept != plan.tick - 1 or x < 0.4:
-                continue
-        places[number, 0], places[number, 1] = x, y
-        cost = _STEERS * abs(_steering_to(car, x, y) - angle) + _GOES_ASIDE * abs(math.atan(aside / far) * far)
-        worth = _KEPT if number == _PATHS else 0.0
-        free = _lay(
-            limiter, widened, angle_min, angle_increment, (x, y), (goal_x, goal_y), onwards, angle, speed,
-            room, servo, path,
-        )  # fmt: skip
-        longest = max(longest, free)
-        _judge(
-            limiter, memory.acceleration, path, free, onwards, speed, room, rows, spans, reaches, cost,
-            worth, cautious, scores[number],
-        )  # fmt: skip
-    walled = longest < _WALLED and plan.waited > _WAITS_BEFORE_WALL
-    may_back_off = may_back_off and plan.backed < _FARTHEST_BACK and (walled or np.max(scores) < _FREE)
-    if may_back_off and _is_out_of_the_way_behind(car, rows, reaches, walled):
-        plan.backed += max(-speed, 0.0) * period
-        return BACKS_OFF, 0.0, 0.0
-    cap = _cap(limiter, room)
+    response, towards = limiter.settings.steering_response, (goal[1] * math.cos(goal[0]), goal[1] * math.sin(goal[0]))
+    servo = share_of_way(here.period, response) * response / here.period  # in the mean of a tick
+    return Among(here, towards, onwards, room, servo, _spans(rows, bold), _reaches(limiter.car, rows, bold)), far
+
+
+@kernel
+def _place(
+    among: Among, plan: Record, pose: tuple[float, float, float], bearing: float, far: float, number: int
+) -> tuple[bool, float, float, float]:
+    """Return whether a path leads through a place, where that is ahead and left [m], and how far aside [m]."""
+    here, car = among.here, among.here.limiter.car
+    if number == 0:
+        return True, among.goal[0], among.goal[1], 0.0
+    if number < _PLACES:
+        aside = (number // 2) * _ASIDE * (1.0 if number % 2 == 0 else -1.0)
+        towards = bearing + math.atan(aside / far)
+        cos, sin = math.cos(towards), math.sin(towards)
+        reach = min(far, reading_towards(here, cos, sin) - 0.1)
+        return reach >= _ARRIVED, reach * cos, reach * sin, abs(math.atan(aside / far) * far)
+    if number == _PLACES:
+        return True, 1.2, 0.5 * math.tan(here.angle) / car.wheelbase * (1.2 + car.lidar_offset) ** 2, 0.0
+    dx, dy, cos, sin = plan.x - pose[0], plan.y - pose[1], math.cos(pose[2]), math.sin(pose[2])
+    x, y = cos * dx + sin * dy, cos * dy - sin * dx
+    return plan.kept == plan.tick - 1 and x >= 0.4, x, y, 0.0
+
+
+@kernel
+def _choose(
+    among: Among, plan: Record, pose: tuple[float, float, float], goal: tuple[float, float], scores: FloatArray,
+    places: FloatArray,
+) -> tuple[int, float, float]:  # fmt: skip
+    """Return the best of the motions after whose next tick the car can stop before what stands."""
+    here, cap = among.here, _cap(among.here.limiter, among.room)
     for margin in _STOP_MARGINS:
         left = scores.copy()
         for _ in range(_TRIED):
@@ -218,20 +222,22 @@ def plan_in_time(
             number, k = best // len(_PROFILES), best % len(_PROFILES)
             if left[number, k] == -math.inf:
                 break
-            x, y, first = places[number, 0], places[number, 1], min(_PROFILES[k][0] * onwards, cap)
-            if _PROFILES[k][1] == 0.0:
-                first = 0.0
-            if _can_stop(
-                limiter, memory, settings, widened, angle_min, angle_increment, bearing, distance, x, y, first, margin,
-                angle, speed, period, rows, radius, ground,
-            ):  # fmt: skip
+            x, y, first = places[number, 0], places[number, 1], _first_speed(k, among.onwards, cap)
+            if _can_stop(here, goal, x, y, first, margin):
                 plan.kept, cos, sin = plan.tick, math.cos(pose[2]), math.sin(pose[2])
                 plan.x, plan.y = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
-                return DRIVES, _steering_to(car, x, y), first
+                return DRIVES, _steering_to(here.limiter.car, x, y), first
             for other in range(len(_PROFILES)):  # their next command is the same
-                if (0.0 if _PROFILES[other][1] == 0.0 else min(_PROFILES[other][0] * onwards, cap)) == first:
+                if _first_speed(other, among.onwards, cap) == first:
                     left[number, other] = -math.inf
     return NO_PLAN, 0.0, 0.0
+
+
+@kernel
+def _first_speed(profile: int, onwards: float, cap: float) -> float:
+    """Return the speed [m/s] with which a profile begins."""
+    share, time = _PROFILES[profile][0], _PROFILES[profile][1]
+    return min(share * onwards, cap) if time > 0.0 else 0.0
 
 
 @kernel
@@ -277,51 +283,24 @@ def _spans(rows: FloatArray, bold: float) -> FloatArray:
 
 
 @kernel
-def _lay(
-    limiter: Record,
-    widened: FloatArray,
-    angle_min: float,
-    angle_increment: float,
-    place: tuple[float, float],
-    goal: tuple[float, float],
-    onwards: float,
-    angle: float,
-    speed: float,
-    room: float,
-    servo: float,
-    path: FloatArray,
-) -> int:
-    """Write the path of the rear axle through a place and on to the goal; return how many of its points are free.
+def _lay(among: Among, to_x: float, to_y: float, path: FloatArray) -> int:
+    """Write the path of the rear axle through a place [m] and on to the goal; return how many of its points are free.
 
-    Args:
-      place: ahead and left of the LiDAR [m].
-      goal: the same.
-      room: way to where the car may only pass [m].
-      servo: share of the limiter's rate of turning with which the wheels turn.
-      path: (n, 6), written to: x, y [m], cosine and sine of the heading, curvature [1/m], and the share of the lateral
-        grip that turning the wheels takes. The others are as of `plan_in_time`.
+    `path` is (n, 6): x, y [m], cosine and sine of the heading, curvature [1/m], and the share of the lateral grip that
+    turning the wheels takes.
     """
-    car = limiter.car
-    lidar, front, to_bumper = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width, 0.25 * car.width
+    here, limiter, car, speed = among.here, among.here.limiter, among.here.limiter.car, among.here.speed
     lock = math.tan(lock_arc(limiter.slip, car)) / car.wheelbase
-    x, y, heading, curvature = -lidar, 0.0, 0.0, math.tan(angle) / car.wheelbase
+    x, y, heading, curvature = -car.lidar_offset, 0.0, 0.0, math.tan(here.angle) / car.wheelbase
     cos, sin, last = 1.0, 0.0, False
-    to_x, to_y = place
     for point in range(len(path)):
         path[point, 0], path[point, 1], path[point, 2], path[point, 3], path[point, 4] = x, y, cos, sin, curvature
-        if point > 0:
-            for offset in (front, lidar, 0.0):
-                at_x, at_y = x + offset * cos, y + offset * sin
-                if offset == front or at_x > 0.0:
-                    beyond = reading_towards(widened, angle_min, angle_increment, at_x, at_y)
-                    if not beyond > math.sqrt(at_x * at_x + at_y * at_y) + (
-                        to_bumper + _MARGIN if offset == front else 0.0
-                    ):
-                        return point
+        if point > 0 and not _is_free(here, x, y, cos, sin):
+            return point
         ahead, left = cos * (to_x - x) + sin * (to_y - y), cos * (to_y - y) - sin * (to_x - x)
         if ahead < _ARRIVED and not last:
             last = True
-            to_x, to_y = goal
+            to_x, to_y = among.goal
             ahead, left = cos * (to_x - x) + sin * (to_y - y), cos * (to_y - y) - sin * (to_x - x)
         if ahead < _ARRIVED:
             ahead, left = 1.0, 0.0
@@ -333,11 +312,11 @@ def _lay(
         unused = max(limiter.lateral - math.copysign(cornering, change * cornering), 0.0)
         unused = min(unused, limiter.settings.most_left * limiter.lateral)
         rate = limiter.settings.turn_in_use * unused / (limiter.yaw_lag * max(speed, 0.5))
-        rate = min(rate, car.max_steering_rate / car.wheelbase)
-        change = max(min(change, servo * rate * time), -servo * rate * time)
+        rate = among.servo * min(rate, car.max_steering_rate / car.wheelbase)
+        change = max(min(change, rate * time), -rate * time)
         path[point, 5] = limiter.yaw_lag * speed * abs(change) / (time * limiter.lateral)
         curvature += change
-        aim = min(onwards, _cap(limiter, room - point * _POINT))
+        aim = min(among.onwards, _cap(limiter, among.room - point * _POINT))
         speed = max(min(aim, speed + 0.8 * limiter.accelerating * time), speed - 0.7 * limiter.braking * time)
         x += _POINT * math.cos(heading + 0.5 * curvature * _POINT)
         y += _POINT * math.sin(heading + 0.5 * curvature * _POINT)
@@ -347,62 +326,48 @@ def _lay(
 
 
 @kernel
-def _judge(
-    limiter: Record,
-    acceleration: float,
-    path: FloatArray,
-    free: int,
-    onwards: float,
-    speed: float,
-    room: float,
-    rows: FloatArray,
-    spans: FloatArray,
-    reaches: FloatArray,
-    cost: float,
-    worth: float,
-    cautious: float,
-    scores: FloatArray,
-) -> None:
-    """Write the scores (p,) [m] of all profiles on a path, by what it costs and is worth by itself [m].
+def _is_free(here: Situation, x: float, y: float, cos: float, sin: float) -> bool:
+    """Return whether the car's discs keep clear of what stands, at a place in the frame of the LiDAR."""
+    car = here.limiter.car
+    front = car.length - car.rear_overhang - 0.25 * car.width
+    for offset in (front, car.lidar_offset, 0.0):
+        at_x, at_y, more = x + offset * cos, y + offset * sin, 0.0
+        if offset == front:
+            more = 0.25 * car.width + _MARGIN
+        if offset == front or at_x > 0.0:
+            beyond = reading_towards(here, at_x, at_y)
+            if not beyond > math.sqrt(at_x * at_x + at_y * at_y) + more:
+                return False
+    return True
 
-    `cautious` is what it is worth if targets may turn at once [m]; the others are as of `_try`.
+
+@kernel
+def _judge(among: Among, path: FloatArray, free: int, cost: float, cautious: float, scores: FloatArray) -> None:
+    """Write the scores (p,) [m] of all profiles on a path.
+
+    `free` is how many of its points are, `cost` what it costs by itself [m], and `cautious` what it is worth if
+    targets may turn at once [m].
     """
     in_time, last = math.inf, -1.0
     for k in range(len(_PROFILES)):
         profile = _PROFILES[k]
-        gap, way, turns = _try(
-            limiter, acceleration, path, free, onwards, profile, speed, room, rows, spans, reaches, True
-        )
+        gap, way, turns = _try(among, path, free, profile, True)
         if k == 0:
             in_time = turns
         elif profile[0] != last:
             last = profile[0]
-            _, _, in_time = _try(
-                limiter, acceleration, path, free, onwards, (last, _REACTS, 0.0, 0.0), speed, room, rows, spans,
-                reaches, False,
-            )  # fmt: skip
+            _, _, in_time = _try(among, path, free, (last, _REACTS, 0.0, 0.0), False)
         score = gap
         if gap >= 0.0:
             score = way - cost + _GOES_ON * min(gap, _ROOM if way > _PASSED else _ROOM_WAITING)
         elif gap > 0.1 * _TOUCHES:
             score = way - cost + _PER_METRE * gap + _TIGHT
-        scores[k] = score + cautious * min(max(turns, in_time) / _SOON, 1.0) + worth
+        scores[k] = score + cautious * min(max(turns, in_time) / _SOON, 1.0)
 
 
 @kernel
 def _try(
-    limiter: Record,
-    acceleration: float,
-    path: FloatArray,
-    free: int,
-    onwards: float,
-    profile: tuple[float, float, float, float],
-    speed: float,
-    room: float,
-    rows: FloatArray,
-    spans: FloatArray,
-    reaches: FloatArray,
-    goes_on: bool,
+    among: Among, path: FloatArray, free: int, profile: tuple[float, float, float, float], goes_on: bool
 ) -> tuple[float, float, float]:
     """Return the room beside targets [m], the way in _SCORED [m], and when the car touches one that turns at once [s].
 
@@ -410,28 +375,25 @@ def _try(
     third is inf where it touches none.
 
     Args:
-      acceleration: that was last commanded [m/s^2].
+      among: what motions have in common.
       path: (n, 6), as of `_lay`.
       free: how many of its points are.
       profile: one of _PROFILES.
-      room: way to where the car may only pass [m].
-      rows: predictions (k, 12).
-      spans: of targets (m, k, 4).
-      reaches: of targets (k,) [m].
-      goes_on: whether targets that go on are looked at, too. The others are as of `plan_in_time`.
+      goes_on: whether targets that go on are looked at, too.
     """
-    car = limiter.car
+    here, limiter, car, rows = among.here, among.here.limiter, among.here.limiter.car, among.here.movers
+    spans, reaches, speed, room = among.spans, among.reaches, here.speed, among.room
     lidar, front = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width
     way, scored, gap, turns = 0.0, 0.0, _ROOM, math.inf
-    slows = min(max(-acceleration, 0.0), limiter.braking)
+    slows = min(max(-here.memory.acceleration, 0.0), limiter.braking)
     for step in range(1, _STEPS + 1):
         time, point = step * _STEP, min(int(way / _POINT), len(path) - 2)
         share = max(1.0 - speed * speed * abs(path[point, 4]) / limiter.lateral - path[point, 5], 0.1)
         aim = 0.0
         if time - 0.5 * _STEP < profile[1]:
-            aim = profile[0] * onwards
+            aim = profile[0] * among.onwards
         elif time - 0.5 * _STEP < profile[1] + profile[3]:
-            aim = profile[2] * onwards
+            aim = profile[2] * among.onwards
         aim = min(aim, _cap(limiter, room - way))
         slows = min(slows + 3.0 * limiter.braking * _STEP, 0.9 * share * limiter.braking) if aim < speed else 0.0
         after = max(min(aim, speed + 0.8 * share * limiter.accelerating * _STEP), speed - slows * _STEP)
@@ -512,43 +474,18 @@ def _is_out_of_the_way_behind(car: Record, rows: FloatArray, reaches: FloatArray
 
 
 @kernel
-def _can_stop(
-    limiter: Record,
-    memory: Record,
-    settings: Record,
-    widened: FloatArray,
-    angle_min: float,
-    angle_increment: float,
-    bearing: float,
-    distance: float,
-    x: float,
-    y: float,
-    first: float,
-    margin: float,
-    angle: float,
-    speed: float,
-    period: float,
-    rows: FloatArray,
-    radius: float,
-    ground: Record,
-) -> bool:
+def _can_stop(here: Situation, goal: tuple[float, float], x: float, y: float, first: float, margin: float) -> bool:
     """Return whether the car can stop before what stands, after a tick towards a place x, y at a speed `first` [m/s].
 
-    It stops towards the goal, towards that place, or as its wheels then stand. `margin` is ahead of the bumper [m]; the
-    others are as of `plan_in_time`.
+    It stops towards the goal, towards that place, or as its wheels then stand. `margin` is ahead of the bumper [m].
     """
-    car = limiter.car
-    angle += max(min(0.7 * (_steering_to(car, x, y) - angle), _MOST_TURN), -_MOST_TURN)
+    car, settings, nowhere = here.limiter.car, here.settings, np.empty((0, 4))
+    angle = here.angle + max(min(0.7 * (_steering_to(car, x, y) - here.angle), _MOST_TURN), -_MOST_TURN)
     along = bearing_of_arc(angle, settings.pursuit_distance, car.lidar_offset, car.wheelbase)
-    view = reading_towards(widened, angle_min, angle_increment, math.cos(along), math.sin(along))
-    for goal in ((bearing, distance), (math.atan2(y, x), math.hypot(x, y)), (along, max(view, _ARRIVED))):
+    view = reading_towards(here, math.cos(along), math.sin(along))
+    alone = among_standing(here, angle)
+    for way in (goal, (math.atan2(y, x), math.hypot(x, y)), (along, max(view, _ARRIVED))):
         for use in (1.0, 0.5):
-            last = memory.acceleration, memory.curvature
-            left = speed_at_contact(
-                limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, first, angle, speed,
-                period, np.empty((0, 4)), rows[:0], radius, ground,
-            )  # fmt: skip
-            memory.acceleration, memory.curvature = last
-            if left == 0.0:
+            if simulate(alone, Plan(way[0], way[1], nowhere, first, margin), use, here.speed).what == FREE:
                 return True
     return False

@@ -1,7 +1,7 @@
 """One simulation of the car along a proposal: the friction limiter, the servos and the slip of soft tires in the loop.
 
     here = Situation(...)
-    contact, time = simulate(here, plan, use)  # of a Plan, with a share of the grip for cornering
+    met = simulate(here, plan, use, speed)  # of a Plan, with a share of the grip for cornering
 
 A plan holds its first speed for a time, and then brakes to a stop. It steers along a path, or to a goal. The car meets
 something where one of its discs comes near what stands (the widened scan, and ground of the local map that a corner
@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
@@ -30,8 +30,8 @@ from ..control.slip import late_on_path, path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, late_by
 from ..control.tracking import next_point, steer_along
-from ..perception.cell_marks import NEAR_WALL, OPEN, WITHIN_4
-from ..perception.local_map import PER_METRE, RING, in_window
+from ..perception.local_map import FREE as FREE_GROUND
+from ..perception.local_map import KIND, NEARNESS, PER_METRE, RING, in_window
 from ..perception.scan_geometry import nearest_beam
 from .friction_limiter import limited
 from .predictions import WAIT, WAITS, meets
@@ -46,7 +46,7 @@ class Situation(NamedTuple):
 
     limiter: Record  # of type LIMITER
     memory: Record  # of type LIMITER_MEMORY, unchanged after a simulation
-    settings: Record  # fields of SafetyFilterSettings
+    settings: Record  # fields of JudgeSettings
     geometry: Record  # of type SCAN_GEOMETRY
     widened: FloatArray  # readings (n,) [m], each widened by a disc over the car's front
     radius: float  # [m] of that disc
@@ -57,35 +57,60 @@ class Situation(NamedTuple):
     period: float  # [s] of a tick
 
 
+@inlined
+def without_movers(here: Situation) -> Situation:
+    """Return the situation without what moves."""
+    return Situation(
+        here.limiter, here.memory, here.settings, here.geometry, here.widened, here.radius, here.movers[:0],
+        here.ground, here.angle, here.speed, here.period,
+    )  # fmt: skip
+
+
+@inlined
+def among_standing(here: Situation, angle: float) -> Situation:
+    """Return the situation without what moves, of a car whose wheels stand at an angle [rad]."""
+    return Situation(
+        here.limiter, here.memory, here.settings, here.geometry, here.widened, here.radius, here.movers[:0],
+        here.ground, angle, here.speed, here.period,
+    )  # fmt: skip
+
+
+FREE, STANDS, MOVES = range(3)
+"""What a car meets: nothing, something that stands, or something that moves."""
+
+
+class Met(NamedTuple):
+    """What a simulated car meets on its way to a stop."""
+
+    speed: float  # [m/s] then; 0: it meets nothing
+    time: float  # [s] until then, or until it stands
+    what: int  # FREE, STANDS or MOVES
+
+
 class Plan(NamedTuple):
     """How a proposal is followed: the frame is that of the rear axle; `path` has no points where it leads to a goal."""
 
     bearing: float  # [rad] of the goal from the LiDAR
     distance: float  # [m] of that goal
     path: FloatArray  # (m, 4) motion, as in control.tracking
-    speed: float  # [m/s] that is commanded first
-    ticks: int  # for which it is, before the car brakes
+    speed: float  # [m/s] that is commanded for a tick, before the car brakes
     margin: float  # [m] ahead of the bumper
 
 
 @kernel
-def simulate(here: Situation, plan: Plan, use: float) -> tuple[float, float]:
-    """Return the speed [m/s] at which the car meets something on its way to a stop (0: nothing), and when [s].
-
-    `use` is the share of the grip for cornering.
-    """
+def simulate(here: Situation, plan: Plan, use: float, speed: float) -> Met:
+    """Return what a car of a speed [m/s] meets on its way to a stop, with a share of the grip for cornering."""
     limiter, memory, period = here.limiter, here.memory, here.period
     car, kept = limiter.car, (memory.acceleration, memory.curvature)
     turned = share_of_way(period, limiter.settings.steering_response)  # part of a command that a tick carries out
-    slowed, slowed_twice = share_of_way(period, car.speed_time_constant), share_of_way(
-        2.0 * period, car.speed_time_constant
-    )
-    x, y, heading, angle, speed = 0.0, 0.0, 0.0, here.angle, max(here.speed, here.settings.crawl_speed)
-    time, index, contact = 0.0, 0, 0.0
+    slowed = share_of_way(period, car.speed_time_constant)
+    slowed_twice, standing = share_of_way(2.0 * period, car.speed_time_constant), here.settings.standing_speed
+    x, y, heading, angle = 0.0, 0.0, 0.0, here.angle
+    time, index, met = 0.0, 0, Met(0.0, 0.0, FREE)
     for tick in range(_TICKS):
         ticks = 1.0 if tick < _FINE_TICKS else 2.0
         reference, index = _steer(here, plan, index, x, y, heading, angle, speed)
-        aim = plan.speed if tick < plan.ticks else 0.0
+        aim = plan.speed if tick == 0 else 0.0
         command = limited(limiter, memory, reference, aim, use, angle, speed, ticks * period, True)
         next_angle = angle + ticks * turned * (command[0] - angle)
         next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
@@ -99,14 +124,12 @@ def simulate(here: Situation, plan: Plan, use: float) -> tuple[float, float]:
         y += way * math.sin(heading + 0.5 * curvature * way)
         heading += curvature * way
         angle, speed, time = next_angle, next_speed, time + ticks * period
-        stands = speed < here.settings.standing_speed
-        if occupied(here, plan, x, y, heading, time, stands):
-            contact = max(speed, here.settings.standing_speed)
-            break
-        if stands:
+        what = occupied(here, plan, (x, y, heading), time, speed < standing)
+        met = Met(max(speed, standing) if what != FREE else 0.0, time, what)
+        if what != FREE or speed < standing:
             break
     memory.acceleration, memory.curvature = kept
-    return contact, time
+    return met
 
 
 @kernel
@@ -130,52 +153,44 @@ def _steer(
 
 
 @kernel
-def occupied(here: Situation, plan: Plan, x: float, y: float, heading: float, time: float, stands: bool) -> bool:
-    """Return whether a car whose rear axle is at a place [m] at a time [s] meets what stands or what moves.
+def occupied(here: Situation, plan: Plan, pose: tuple[float, float, float], time: float, stands: bool) -> int:
+    """Return what a car meets whose rear axle is at a pose x [m], y [m], heading [rad] at a time [s].
 
     What has to stay clear: the disc over the car's front, its centre a quarter of the width behind the bumper, and the
     plan's margin ahead of it; and discs of the same size round the LiDAR and the rear axle, which cut the corner, once
     they are ahead of where the LiDAR is now. Along a path, ground that the local map has free counts as free where a
     corner hides it. Where the car `stands`, nothing that moves may come by for a while.
     """
-    car, cos, sin = here.limiter.car, math.cos(heading), math.sin(heading)
+    car, x, y, cos, sin = here.limiter.car, pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
     lidar, front = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width
-    beyond_front = 0.25 * car.width + plan.margin  # widening does not shorten a reading, so this has to stay clear too
-    known = len(plan.path) > 0
     for offset in (front, 0.0, lidar):
         ahead, left = x + offset * cos - lidar, y + offset * sin
-        more = beyond_front if offset == front else 0.0
         if offset == front or ahead > 0.0:
-            reading, away = reading_towards(here, ahead, left), math.sqrt(ahead * ahead + left * left)
-            if not reading > away + more:
-                hidden = known and away > reading + here.radius  # what stands there is not in the way, but before it
-                if not (hidden and _was_seen(here, x, y, cos, sin, offset)):
-                    return True
-                if more > 0.0 and not _was_seen(here, x, y, cos, sin, offset + more):
-                    return True
+            # widening does not shorten a reading, so what is in front of the disc has to stay clear, too
+            more = 0.25 * car.width + plan.margin if offset == front else 0.0
+            away, seen = math.sqrt(ahead * ahead + left * left), reading_towards(here, ahead, left)
+            if not seen > away + more:
+                hidden = len(plan.path) > 0 and away > seen + here.radius  # what stands there is before it
+                if not (hidden and _was_seen(here, pose, offset) and _was_seen(here, pose, offset + more)):
+                    return STANDS
     if len(here.movers) > 0:
         apart = here.radius + here.settings.margin_aside
         for offset in (0.0, lidar, front):
-            ahead, left = x + offset * cos - lidar, y + offset * sin
             for wait in range(WAITS + 1 if stands else 1):
-                if meets(here.movers, ahead, left, apart, time + WAIT * wait):
-                    return True
-    return False
+                if meets(here.movers, x + offset * cos - lidar, y + offset * sin, apart, time + WAIT * wait):
+                    return MOVES
+    return FREE
 
 
 @kernel
-def _was_seen(here: Situation, x: float, y: float, cos: float, sin: float, ahead: float) -> bool:
-    """Return whether the ground at a place ahead of a rear axle is free on the local map, .4 m and more from walls.
-
-    The rear axle is at x, y [m] in the frame of the car, with the cosine and sine of its heading.
-    """
-    ground = here.ground
-    world = ground.map
-    x, y = x + ahead * cos, y + ahead * sin
+def _was_seen(here: Situation, pose: tuple[float, float, float], ahead: float) -> bool:
+    """Return whether the ground at a place ahead of a rear axle is free on the local map, .4 m and more from walls."""
+    world = here.ground.map
+    x, y = pose[0] + ahead * math.cos(pose[2]), pose[1] + ahead * math.sin(pose[2])
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     i = math.floor((world.x + cos * x - sin * y) * PER_METRE)
     j = math.floor((world.y + sin * x + cos * y) * PER_METRE)
-    return bool(in_window(world, i, j) and ground.blocked[i & RING, j & RING] & (OPEN | NEAR_WALL | WITHIN_4) == OPEN)
+    return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] & (KIND | NEARNESS) == FREE_GROUND)
 
 
 @kernel

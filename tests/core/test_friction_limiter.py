@@ -16,12 +16,12 @@ from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.control.speed import friction_steering, lifting_share
 from fg_mujoco.controllers.safety.friction_limiter import (
+    EVASIVE,
     FrictionLimiter,
     FrictionLimiterSettings,
     evasive,
     longitudinal_share,
 )
-from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.race import race

@@ -7,12 +7,9 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
-from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.safety import plan_in_time as planned
-from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
+from fg_mujoco.controllers.safety.friction_limiter import EVASIVE, FrictionLimiter
 from fg_mujoco.controllers.safety.predictions import occupied, occupied_if_it_turns
-from fg_mujoco.controllers.safety.safety_filter import EVASIVE, SafetyFilterSettings
 from fg_mujoco.racing.planners import make_controller
 from moving_worlds import WALLS, box, ranges_of
 from scan_worlds import CAR, MU, odometry_of, scan_of
@@ -33,15 +30,19 @@ def corridor(half):
     return np.minimum((half - 0.17) / np.maximum(np.abs(sines), 1e-3), 20.0)
 
 
-def decide(rows, speed, *, widened=None, plan=None, may_back_off=False, onwards=4.0, angle=0.0):
-    settings = for_car(SafetyFilterSettings(), CAR)
-    row = np.array([record_values(settings)], record_type(SafetyFilterSettings))
+def around(rows, speed, *, widened=None, angle=0.0):
+    return situation(LIMITER, corridor(1.4) if widened is None else widened, angle, speed, movers=rows)
+
+
+def decide(rows, speed, *, plan=None, may_back_off=False, onwards=4.0, **options):
     plan = np.zeros(1, planned.PLAN_IN_TIME)[0] if plan is None else plan
-    return planned.plan_in_time(
-        LIMITER, np.zeros(1, LIMITER_MEMORY)[0], row[0], plan, (0.0, 0.0, 0.0),
-        corridor(1.4) if widened is None else widened, FIRST, INCREMENT, 0.0, 8.0, onwards, angle, speed, PERIOD,
-        np.array(rows), 0.17, np.zeros(1, FRONTIER_SEARCH)[0], may_back_off,
-    )  # fmt: skip
+    here = around(rows, speed, **options)
+    return planned.plan_in_time(here, plan, (0.0, 0.0, 0.0), (0.0, 8.0), onwards, may_back_off)
+
+
+def among(here, room, servo=0.6):
+    reaches, spans = planned._reaches(CAR_ROW, here.movers, 0.0), planned._spans(here.movers, 0.0)
+    return planned.Among(here, (8.0, 0.0), 4.0, room, servo, spans, reaches)
 
 
 def test_a_thing_is_between_slowing_down_and_going_on_and_turns_where_it_is_expected_to():
@@ -68,14 +69,12 @@ def test_motions_are_free_by_a_slow_check_of_discs_and_intervals(seed):
     rows, now = row[np.newaxis], rng.uniform(0.0, 4.0)
     path = np.zeros((56, 6))
     place, widened = (rng.uniform(1.0, 3.0), rng.uniform(-0.8, 0.8)), np.full(1081, 20.0)
-    free = planned._lay(
-        LIMITER, widened, FIRST, INCREMENT, place, (8.0, 0.0), 4.0, rng.uniform(-0.2, 0.2), now, 1.0, 0.6, path
-    )  # fmt: skip
+    these = among(around(rows, now, widened=widened, angle=rng.uniform(-0.2, 0.2)), 1.0)
+    free = planned._lay(these, *place, path)
     assert free == 112
-    reaches, spans = planned._reaches(CAR_ROW, rows, 0.0), planned._spans(rows, 0.0)
     front = CAR.length - CAR.rear_overhang
     for profile in planned._PROFILES:
-        gap, _, _ = planned._try(LIMITER, 0.0, path, free, 4.0, profile, now, 1.0, rows, spans, reaches, True)
+        gap, _, _ = planned._try(these, path, free, profile, True)
         least = math.inf
         for time, x, y, cos, sin in driven(path, profile, now):
             near, far = occupied(row, time, 0.0)
@@ -83,7 +82,7 @@ def test_motions_are_free_by_a_slow_check_of_discs_and_intervals(seed):
                 for along in np.linspace(near, far, 9):
                     dx, dy = x + offset * cos - row[0] - along * row[2], y + offset * sin - row[1] - along * row[3]
                     least = min(least, math.hypot(dx, dy))
-        assert gap < -planned._USED or least > reaches[0] + min(gap, 0.0) - 0.12  # a step is up to .4 m long
+        assert gap < -planned._USED or least > these.reaches[0] + min(gap, 0.0) - 0.12  # a step is up to .4 m long
 
 
 CAR_ROW = LIMITER["car"]
@@ -135,14 +134,14 @@ def test_a_car_in_the_lane_of_what_comes_drives_on_or_backs_off_and_does_not_sta
 def test_a_stop_in_the_lane_of_what_crosses_is_no_end_also_while_it_goes_away(speed):
     rows, path = np.array([target(2.0, -0.9, 0.0, -0.8, to_wall=1.0, from_wall=2.5)]), np.zeros((56, 6))
     widened = np.full(1081, 20.0)
-    free = planned._lay(LIMITER, widened, FIRST, INCREMENT, (4.0, 0.0), (8.0, 0.0), 4.0, 0.0, speed, 9.0, 0.6, path)
-    reaches, spans = planned._reaches(CAR_ROW, rows, 0.0), planned._spans(rows, 0.0)
-    gap, _, _ = planned._try(
-        LIMITER, -LIMITER["braking"], path, free, 4.0, (0.0, 0.0, 0.0, 0.0), speed, 9.0, rows, spans, reaches, True
-    )  # fmt: skip
+    here = around(rows, speed, widened=widened)
+    here.memory["acceleration"] = -LIMITER["braking"]
+    these = among(here, 9.0)
+    free = planned._lay(these, 4.0, 0.0, path)
+    gap, _, _ = planned._try(these, path, free, (0.0, 0.0, 0.0, 0.0), True)
     *_, (_, x, _, _, _) = driven(path, (0.0, 0.0, 0.0, 0.0), speed)
     front = CAR.length - CAR.rear_overhang - 0.25 * CAR.width
-    apart = min(abs(x + offset - 2.0) for offset in (front, CAR.lidar_offset, 0.0)) - reaches[0] - planned._LANE
+    apart = min(abs(x + offset - 2.0) for offset in (front, CAR.lidar_offset, 0.0)) - these.reaches[0] - planned._LANE
     assert abs(apart) < 0.12 or (gap < -planned._USED) == (apart < 0.0)
 
 

@@ -7,12 +7,10 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
-from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.safety import predictions as predicted
-from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.controllers.safety.predictions import PREDICTIONS, interval, meets, separate, turned, write_predictions
-from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, safe_steering
+from fg_mujoco.controllers.safety.rollout import FREE, MOVES, Plan, simulate
 from fg_mujoco.racing.planners import make_controller
 from moving_worlds import GEOMETRY, WALLS, box, ranges_of, watched
 from scan_worlds import CAR, MU, odometry_of, scan_of
@@ -77,25 +75,18 @@ def test_a_target_is_taken_out_of_the_scan_and_walls_and_turns_end_its_way():
     assert ends[2] == pytest.approx((0.5 + 0.18, 0.8 - 0.18, 2.0), abs=0.05)
 
 
-def filtered(rows, speed=4.0, ahead=12.0):
-    settings = for_car(SafetyFilterSettings(), CAR)
-    row = np.array([record_values(settings)], record_type(SafetyFilterSettings))
+def met(rows, speed=4.0, ahead=12.0):
+    """What a car meets straight on, with a wall ahead of it."""
     bearings = math.radians(0.25) * (np.arange(1081) - 540)
     widened = np.minimum(ahead / np.maximum(np.cos(bearings), 1e-3), 30.0)
-    return safe_steering(
-        LIMITER.record[0], np.zeros(1, LIMITER_MEMORY)[0], row[0], widened, bearings[0], math.radians(0.25), 0.0, speed,
-        0.0, speed, 0.025, np.empty((0, 4)), False, np.array(rows).reshape(-1, 12), 0.17,
-        np.zeros(1, FRONTIER_SEARCH)[0],
-    )  # fmt: skip
+    here = situation(LIMITER.record[0], widened, 0.0, speed, movers=rows)
+    return simulate(here, Plan(0.0, 10.0, np.empty((0, 4)), speed, 0.12), 0.5, speed).what
 
 
-def test_the_filter_lets_a_reference_pass_that_a_target_leaves_and_not_one_into_which_it_comes():
-    assert filtered([]) == (0.0, 0.5, True)
-    there_now = target(2.0, 0.0, 0.0, 3.0)  # in the way now, and gone when the car is there
-    assert filtered([there_now]) == (0.0, 0.5, True)
-    coming = target(2.0, -1.2, 0.0, 2.0)  # beside the way now, and in it when the car would stop
-    way, _, found = filtered([coming])
-    assert not found or way != 0.0
+def test_a_stop_is_free_where_a_target_leaves_the_way_and_not_where_it_comes():
+    assert met([]) == FREE
+    assert met([target(2.0, 0.0, 0.0, 3.0)]) == FREE  # in the way now, and gone when the car is there
+    assert met([target(2.0, -1.2, 0.0, 2.0)]) == MOVES  # beside the way now, and in it when the car would stop
 
 
 def test_a_planner_that_does_not_want_it_takes_what_moves_as_standing():

@@ -5,6 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
+from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
+from fg_mujoco.controllers.perception.scan_geometry import SCAN_GEOMETRY
+from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY
+from fg_mujoco.controllers.safety.judge import JudgeSettings
+from fg_mujoco.controllers.safety.rollout import Situation
 from fg_mujoco.messages import ODOMETRY, LaserScan, Odometry
 from fg_mujoco.vehicle.tires import IDEAL_TIRES, Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -27,6 +33,21 @@ def odometry_of(speed=0.0, steering_angle=0.0):
     zeros = np.zeros(3)
     return Odometry(stamp=0.0, speed=speed, steering_angle=steering_angle, angular_velocity=zeros,
                     linear_acceleration=zeros, wheel_speeds=np.full(4, speed))  # fmt: skip
+
+
+def situation(
+    limiter, widened, angle, speed, *, movers=(), ground=None, radius=0.17, angle_min=None, increment=INCREMENT, **settings
+):  # fmt: skip
+    """What the judge knows, of widened readings (n,) [m]; straight ahead in their middle."""
+    values = for_car(JudgeSettings(**settings), CAR)
+    row = np.array([record_values(values)], record_type(JudgeSettings))[0]
+    geometry = np.zeros(1, SCAN_GEOMETRY)[0]
+    geometry["angle_min"] = -0.5 * increment * (len(widened) - 1) if angle_min is None else angle_min
+    geometry["angle_increment"], geometry["range_max"] = increment, 30.0
+    return Situation(
+        limiter, np.zeros(1, LIMITER_MEMORY)[0], row, geometry, widened, radius, np.array(movers).reshape(-1, 12),
+        np.zeros(1, FRONTIER_SEARCH)[0] if ground is None else ground, float(angle), float(speed), 0.025,
+    )  # fmt: skip
 
 
 def room(*walls, count=1081):

@@ -17,8 +17,7 @@ from fg_mujoco.controllers.control.steering import pursue
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
 from fg_mujoco.controllers.safety.braking_trajectories import BrakingTrajectories
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.controllers.safety.safety_filter import EVASIVE
+from fg_mujoco.controllers.safety.friction_limiter import EVASIVE, FrictionLimiter
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
 from pages import MARKUP, Page
