@@ -12,7 +12,7 @@ from fg_mujoco.controllers.safety.friction_limiter import EVASIVE, FrictionLimit
 from fg_mujoco.controllers.safety.predictions import occupied, occupied_if_it_turns
 from fg_mujoco.racing.planners import make_controller
 from moving_worlds import WALLS, box, ranges_of
-from scan_worlds import CAR, MU, odometry_of, scan_of
+from scan_worlds import CAR, MU, odometry_of, scan_of, situation
 
 LIMITER = FrictionLimiter(CAR, MU, EVASIVE).record[0]
 FIRST, INCREMENT = math.radians(-135.0), math.radians(0.25)

@@ -13,7 +13,7 @@ from fg_mujoco.controllers.safety.predictions import PREDICTIONS, interval, meet
 from fg_mujoco.controllers.safety.rollout import FREE, MOVES, Plan, simulate
 from fg_mujoco.racing.planners import make_controller
 from moving_worlds import GEOMETRY, WALLS, box, ranges_of, watched
-from scan_worlds import CAR, MU, odometry_of, scan_of
+from scan_worlds import CAR, MU, odometry_of, scan_of, situation
 
 LIMITER = FrictionLimiter(CAR, 1.0489)
 

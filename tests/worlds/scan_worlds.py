@@ -36,7 +36,8 @@ def odometry_of(speed=0.0, steering_angle=0.0):
 
 
 def situation(
-    limiter, widened, angle, speed, *, movers=(), ground=None, radius=0.17, angle_min=None, increment=INCREMENT, **settings
+    limiter, widened, angle, speed, *, movers=(), ground=None, radius=0.17, angle_min=None, increment=INCREMENT,
+    **settings,
 ):  # fmt: skip
     """What the judge knows, of widened readings (n,) [m]; straight ahead in their middle."""
     values = for_car(JudgeSettings(**settings), CAR)
