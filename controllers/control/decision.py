@@ -22,8 +22,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
@@ -40,7 +38,7 @@ from ..safety.guidance import (
     path_ahead,
     stop_ahead,
 )
-from ..safety.judge import BEST, Wanted, brake_alone, judge
+from ..safety.judge import Wanted, brake_alone, judge
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
 from ..safety.recovery import angle_along_history, extend_history, reverses
@@ -91,7 +89,7 @@ def begin(tick: Tick) -> None:
     """Begin a decision: its reasons, the velocity frame, and the speedometer."""
     driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
     reasons, slip, frame, geometry = memory.reasons, driver.limiter.slip, memory.velocity_frame, tick.geometry
-    forget_reasons(reasons, memory.proposals)
+    forget_reasons(reasons, memory.judge.proposals)
     if slip.needs_slip_angle:
         command = memory.speedometer.command * (1.0 + memory.speedometer.error)
         command += frame.excess if command != 0.0 else 0.0
@@ -183,19 +181,19 @@ def drive_filtered(tick: Tick) -> None:
     if reference.lane_points > 0 or not memory.knows_speed:
         speed = min(speed, max(in_sight, here.settings.crawl_speed))
         log_step(memory.reasons, SIGHT, steering, speed)
-    best, cars = np.zeros(1, BEST)[0], memory.predictions.cars > 0
+    best, cars = memory.judge.best, memory.predictions.cars > 0
     if not cars and is_among(here.movers):
         if _plans_in_time(here, tick, speed, best):
             _actuate(tick, PLAN_IN_TIME, best)
             return
         here, speed = without_movers(here), 0.0
-    wanted = Wanted(steering, speed, path, guided, stop_ahead(guidance), memory.passed_filter)
-    judge(here, wanted, memory.proposals, best)
+    wanted = Wanted(steering, speed, path, guided, stop_ahead(guidance), memory.judge.passed)
+    judge(here, wanted, memory.judge)
     found = best.contact == 0.0
-    memory.passed_filter = found and best.why <= STOP
+    memory.judge.passed = found and best.why <= STOP
     if found and best.why == REFERENCE and guided:
         keep_stop(guidance)
-    if cars and not memory.passed_filter and brake_alone(here, wanted, memory.proposals, best):
+    if cars and not memory.judge.passed and brake_alone(here, wanted, memory.judge):
         if reference.lane_points > 0:
             best.use = 1.0  # beside another car it has to follow the course
     elif driver.recovery and _recovers(here, tick, found, best):
@@ -259,7 +257,7 @@ def _plans_in_time(here: Situation, tick: Tick, speed: float, best: Record) -> b
     what, angle, planned = plan_in_time(
         here, memory.plan, (float(seen.x), float(seen.y), heading), goal, onwards, may_back_off
     )  # fmt: skip
-    memory.passed_filter, best.use = False, 1.0
+    memory.judge.passed, best.use = False, 1.0
     if what == BACKS_OFF:
         history.stood = 0.0
         best.steering_angle, best.speed = _back(tick), -BACKING_SPEED

@@ -20,7 +20,7 @@ from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray, require
 from ..perception.scan_geometry import SCAN_GEOMETRY
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter
 from ..safety.guidance import GUIDANCE, GuidanceSettings
-from ..safety.judge import JudgeSettings
+from ..safety.judge import JUDGE, JudgeSettings
 from ..safety.plan_in_time import PLAN_IN_TIME
 from ..safety.predictions import MOST_LATE, PREDICTIONS
 from ..safety.recovery import PATH_HISTORY, RecoverySettings
@@ -40,7 +40,7 @@ from .planner_settings import (
     setting_of_car,
     setting_of_method,
 )
-from .reasons import PROPOSALS, REASONS
+from .reasons import REASONS
 from .slip import VELOCITY_FRAME
 from .speed import mean_range_speed
 from .steering import pursue, saturate
@@ -135,9 +135,8 @@ DRIVING_MEMORY = np.dtype(
         ("velocity_frame", VELOCITY_FRAME),
         ("predictions", PREDICTIONS),
         ("plan", PLAN_IN_TIME),
-        ("passed_filter", np.bool_),  # whether the reference passed the safety filter
+        ("judge", JUDGE),
         ("reasons", *REASONS),  # of the last decision; written, and never read
-        ("proposals", *PROPOSALS),  # the same
     ]
 )
 """Type of what they keep of its car from tick to tick; zero at the beginning."""

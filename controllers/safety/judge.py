@@ -33,7 +33,17 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
-from ..control.reasons import AS_IT_STANDS, ASIDE, BESIDE, LAST_STOP, MOTION, REFERENCE, STOP, log_proposal
+from ..control.reasons import (
+    AS_IT_STANDS,
+    ASIDE,
+    BESIDE,
+    LAST_STOP,
+    MOTION,
+    PROPOSALS,
+    REFERENCE,
+    STOP,
+    log_proposal,
+)
 from ..control.slip import held_arc, late_on_path, path_lag
 from ..control.steering import bearing_of_arc, late_by, pursue
 from ..control.tracking import steer_along
@@ -55,6 +65,16 @@ BEST = np.dtype(
     ]
 )
 """Type of the best proposal."""
+
+JUDGE = np.dtype(
+    [
+        ("passed", np.bool_),  # whether the reference passed in the last tick
+        ("best", BEST),  # of this tick
+        ("second", BEST),  # that it is compared with; kernels keep no record but in a memory
+        ("proposals", *PROPOSALS),  # of the last decision; written, and never read
+    ]
+)
+"""Type of what the judge keeps from tick to tick; zero at the beginning."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,8 +120,9 @@ class Wanted(NamedTuple):
 
 
 @kernel
-def judge(here: Situation, wanted: Wanted, proposals: FloatArray, best: Record) -> None:
-    """Write the best of all proposals, of type BEST; `proposals` is a table of reasons.PROPOSALS, written to."""
+def judge(here: Situation, wanted: Wanted, memory: Record) -> None:
+    """Write the best of all proposals to `memory`, of type JUDGE."""
+    proposals, best = memory.proposals, memory.best
     settings, path, angle = here.settings, wanted.path, wanted.steering_angle
     margin = settings.margin if len(path) == 0 else settings.margin_aside
     if wanted.passed:
@@ -114,7 +135,7 @@ def judge(here: Situation, wanted: Wanted, proposals: FloatArray, best: Record) 
         if _consider(here, STOP, angle, stop, _BRAKING, proposals, best):
             return
     if _look_aside(here, wanted, proposals, best):
-        _stay_near(here, wanted, proposals, best)
+        _stay_near(here, wanted, proposals, best, memory.second)
         return
     if len(wanted.last_stop) > 0 and here.speed > settings.standing_speed:
         car, slip = here.limiter.car, here.limiter.slip
@@ -129,12 +150,12 @@ def judge(here: Situation, wanted: Wanted, proposals: FloatArray, best: Record) 
 
 
 @kernel
-def brake_alone(here: Situation, wanted: Wanted, proposals: FloatArray, best: Record) -> bool:
+def brake_alone(here: Situation, wanted: Wanted, memory: Record) -> bool:
     """Write a stop on the way of the reference, if nothing that stands is in it; return whether there is one.
 
-    Before another car the car brakes, and corners only as far as walls make it.
+    Before another car the car brakes, and corners only as far as walls make it. `memory` is of type JUDGE.
     """
-    alone = without_movers(here)
+    alone, proposals, best = without_movers(here), memory.proposals, memory.best
     margin = here.settings.margin_kept * (here.settings.margin if len(wanted.path) == 0 else here.settings.margin_aside)
     plan, best.contact = _plan(here, wanted.steering_angle, wanted.path, 0.0, margin), math.inf
     for uses in (_BRAKES_FIRST, _USES[:3]):
@@ -207,9 +228,9 @@ def _look_aside(here: Situation, wanted: Wanted, proposals: FloatArray, best: Re
 
 
 @kernel
-def _stay_near(here: Situation, wanted: Wanted, proposals: FloatArray, best: Record) -> None:
+def _stay_near(here: Situation, wanted: Wanted, proposals: FloatArray, best: Record, found: Record) -> None:
     """Take what is nearer to the reference than a direction aside, if it meets nothing, too."""
-    settings, found = here.settings, np.zeros(1, BEST)[0]
+    settings = here.settings
     found.contact = math.inf
     if wanted.guided:
         plan = _plan(here, wanted.steering_angle, wanted.path, 0.0, settings.margin_aside)

@@ -7,12 +7,12 @@ import pytest
 
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
-from fg_mujoco.controllers.control.reasons import ASIDE, PROPOSALS, REFERENCE, STOP
+from fg_mujoco.controllers.control.reasons import ASIDE, REFERENCE, STOP
 from fg_mujoco.controllers.control.steering import bearing_of_arc, pursue
-from fg_mujoco.controllers.perception.cell_marks import OPEN
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
+from fg_mujoco.controllers.perception.local_map import FREE as FREE_GROUND
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.controllers.safety.judge import BEST, JudgeSettings, Wanted, judge
+from fg_mujoco.controllers.safety.judge import JUDGE, JudgeSettings, Wanted, judge
 from fg_mujoco.controllers.safety.rollout import MOVES, STANDS, Plan, reading, simulate
 from fg_mujoco.vehicle.vehicle import Vehicle
 from scan_worlds import situation
@@ -33,10 +33,11 @@ def judged(
     """The best proposal, and the table of all."""
     here = situation(LIMITER.record[0], widened, angle, speed, ground=ground, movers=movers, **settings)
     here.memory["acceleration"] = acceleration
-    best, proposals = np.zeros(1, BEST)[0], np.full(PROPOSALS[1], math.nan)
-    judge(here, Wanted(reference, reference_speed, path, guided, NO_PATH, kept), proposals, best)
+    memory = np.zeros(1, JUDGE)[0]
+    memory["proposals"] = math.nan
+    judge(here, Wanted(reference, reference_speed, path, guided, NO_PATH, kept), memory)
     assert here.memory["acceleration"] == acceleration  # trying leaves no trace
-    return best, proposals
+    return memory["best"], memory["proposals"]
 
 
 def passes(*given, **options):
@@ -125,7 +126,7 @@ def test_along_a_path_ground_that_was_seen_counts_as_free_where_a_corner_hides_i
     ranges = np.full(BEAMS, 30.0)
     ranges[math.radians(10.0) < BEARINGS] = 0.3  # the corner's end, beside the path
     seen = np.zeros(1, FRONTIER_SEARCH)[0]
-    seen["blocked"] = OPEN
+    seen["map"]["cells"] = FREE_GROUND
     angle = math.atan(0.5 * CAR.wheelbase)
     along = {"path": path}
     for options, expected in ((along | {"ground": seen}, True), (along, False), ({"ground": seen}, False)):
