@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 from typing import Literal
 
 import numpy as np
@@ -95,15 +95,8 @@ class DrivingSettings(Settings):
 
 
 FLAGS = (
-    "mean_range",
-    "distance_ahead",
-    "friction_law",
-    "sight",
-    "safety_filter",
-    "recovery",
-    "prediction",
-    "has_limiter",
-)
+    "mean_range", "distance_ahead", "friction_law", "sight", "safety_filter", "recovery", "prediction", "has_limiter",
+)  # fmt: skip
 """Stages that kernels ask for; `has_limiter`: the friction limiter."""
 
 DRIVER = np.dtype(
@@ -166,7 +159,7 @@ def driver_record(
     car: CarParameters,
     max_speed: float,
     limiter: FrictionLimiter | None,
-    settings: DrivingSettings,
+    settings: NDArray[np.void],
     stages: Collection[str],
     late: int = 0,
 ) -> NDArray[np.void]:
@@ -176,7 +169,7 @@ def driver_record(
       car: that is driven.
       max_speed: fastest that it may command [m/s].
       limiter: None: of a planner that assumes no friction limit.
-      settings: of the planner.
+      settings: row of the planner's settings, shape (1,).
       stages: names of its stages.
       late: ticks by which scans are older than the odometry; too many, and nothing is predicted.
     """
@@ -184,8 +177,7 @@ def driver_record(
     row["filter_settings"] = record_values(for_car(JudgeSettings(), car))
     row["guidance_settings"] = record_values(for_car(GuidanceSettings(), car))
     row["recovery_settings"] = record_values(for_car(RecoverySettings(), car))
-    driving = {field.name: getattr(settings, field.name) for field in fields(DrivingSettings)}
-    row["settings"] = record_values(for_car(DrivingSettings(**driving), car))
+    row["settings"] = settings[list(row["settings"].dtype.names or ())]
     row["car"], row["max_speed"], row["late"] = astuple(car), max_speed, late
     for flag in FLAGS:
         row[flag] = flag in stages

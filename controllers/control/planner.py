@@ -138,8 +138,8 @@ class Planner(Remade):
         limiter = FrictionLimiter(car, mu, shares) if math.isfinite(mu) else None
         late = round(max(latency - car.command_delay, 0.0) / period)
         self.car, self.line = car, line
-        self.driver = driver_record(car, max_speed, limiter, self.settings, self.stages, late)
         self.settings_row = np.array([record_values(self.settings)], record_type(self.Settings))
+        self.driver = driver_record(car, max_speed, limiter, self.settings_row, self.stages, late)
         self.trajectories: NDArray[np.void] | None = None
         if limiter is not None and "sight" in self.stages:
             self.trajectories = BrakingTrajectories(car, limiter, max_speed).record

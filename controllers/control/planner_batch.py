@@ -73,10 +73,9 @@ class PlannerBatch:
             driver["trajectories"], driver["line_first"] = tables[world], line_firsts[world]
             driver["line_end"] = line_firsts[world] + (0 if planner.line is None else len(planner.line))
             self._ticks["driver"][world] = driver
-        self._geometry, self._given = cast(Any, None), cast(tuple[Any, ...], ())
+        self._geometry = cast(Any, None)
         self._used = False  # what nobody has written to takes no memory
-        self._table = ArrayTable(BatchArrays._fields, {})
-        self._tables: list[ArrayTable] = []
+        self._tables: list[ArrayTable] = []  # of the steps; none that may be changed: none
         self._lent: list[ArrayTable] = []
         self.debug = np.empty((len(IntermediateScans._fields), 0))
         self._arrays: dict[str, Any] = {
@@ -86,7 +85,7 @@ class PlannerBatch:
         stages = {name: stage for planner in planners for name, stage in planner.stages.items()}
         self.stage_states = {name: np.zeros(count, stage.state_type) for name, stage in stages.items()}
         self._steps: list[tuple[Any, dict[str, NDArray[Any]]]] = [(see_at, {})]  # kernels, and arrays of their stages
-        self._calls = np.empty((0, 2), np.int64)  # the same by address, for the arrays that were given last
+        self._calls = np.empty((0, 2), np.int64)  # the same by address, for these tables
         self._add_steps(planner_class, planners, stages)
 
     def _add_steps(self, planner_class: type[Any], planners: Sequence[Any], stages: dict[str, Stage]) -> None:
@@ -170,9 +169,9 @@ class PlannerBatch:
     ) -> NDArray[np.int64]:
         """Return the calls that replace this one, see ControllerBatch."""
         self._take(geometry, ranges, odometry, running, commands)
-        self._given = ()  # from now on nobody puts anything else into these tables
-        self._arrays["geometry"] = self._arrays["geometry"].copy()
         self._lent += self._tables
+        self._tables = []  # from now on nobody puts anything else into those
+        self._arrays["geometry"] = self._arrays["geometry"].copy()
         return self._calls
 
     def _take(
@@ -187,11 +186,13 @@ class PlannerBatch:
         self._used = True
         if geometry is not self._geometry:  # neither a scan nor a geometry changes
             self._arrays["geometry"][0], self._geometry = geometry_values(geometry), geometry
-        measured, running = np.ascontiguousarray(ranges, np.float64), np.ascontiguousarray(running, np.bool_)
-        odometry, given = np.ascontiguousarray(odometry, ODOMETRY), self._given
-        if given and given[0] is measured and given[1] is odometry and given[2] is running and given[3] is commands:
+        given = {
+            "measured": np.ascontiguousarray(ranges, np.float64), "odometry": np.ascontiguousarray(odometry, ODOMETRY),
+            "running": np.ascontiguousarray(running, np.bool_), "commands": commands,
+        }  # fmt: skip
+        if self._tables and all(array is self._arrays[name] for name, array in given.items()):
             return
-        beams = measured.shape[1]
+        beams = given["measured"].shape[1]
         if "ranges" not in self._arrays or beams != self.debug.shape[1]:
             taken = np.empty((2 + self._guided, len(running), beams))
             self.debug = np.full((len(self.debug), beams), math.nan)
@@ -199,38 +200,29 @@ class PlannerBatch:
                 "ranges": taken[0], "ranges_without_cars": taken[self._guided], "ranges_without_movers": taken[-1],
                 "debug": self.debug,
             }  # fmt: skip
-            given = ()
-        new = {"measured": measured, "odometry": odometry, "running": running, "commands": commands}
-        self._arrays |= new
-        if given:
-            for name, array in new.items():
-                self._table.put(name, array)
+            self._tables = []
+        self._arrays |= given
+        if self._tables:
+            for name, array in given.items():
+                self._tables[0].put(name, array)
         else:
-            self._table = ArrayTable(BatchArrays._fields, self._arrays)
-            batch = {"batch": self._table.rows}
-            self._tables = [
-                ArrayTable(STAGE_ARRAYS, batch | states) if states else self._table for _, states in self._steps
-            ]
-            calls = [(kernel, table.address) for (kernel, _), table in zip(self._steps, self._tables, strict=True)]
-            # From the last on: another process may be compiling the same from the first on.
-            found = [(kernel.address(address), address) for kernel, address in reversed(calls)]
-            self._calls = np.array(found[::-1], np.int64)
-        self._given = measured, odometry, running, commands
+            self._make_tables()
+
+    def _make_tables(self) -> None:
+        """Make the tables of all steps, and their calls."""
+        batch = ArrayTable(BatchArrays._fields, self._arrays)
+        stages = [ArrayTable(STAGE_ARRAYS, {"batch": batch.rows} | own) for _, own in self._steps[1:]]
+        self._tables = [batch, *stages]
+        calls = [(kernel, table.address) for (kernel, _), table in zip(self._steps, self._tables, strict=True)]
+        # From the last on: another process may be compiling the same from the first on.
+        found = [(kernel.address(address), address) for kernel, address in reversed(calls)]
+        self._calls = np.array(found[::-1], np.int64)
 
 
 def _join(arrays: Sequence[NDArray[Any] | None], none: NDArray[Any]) -> tuple[NDArray[Any], list[int]]:
-    """Return arrays as one, read-only, `none` where there is none, and where each begins in it, 0 of None."""
+    """Return arrays as one, `none` where there is none, and where each begins in it, 0 of None."""
     parts = {id(array): array for array in arrays if array is not None}
     ends = np.cumsum([0, *map(len, parts.values())]).tolist()
     firsts = dict(zip(parts, ends, strict=False))
     joined = next(iter(parts.values()), none) if len(parts) < 2 else np.concatenate(list(parts.values()))
-    return _read_only(joined), [firsts.get(id(array), 0) for array in arrays]
-
-
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only view; numba would compile kernels for arrays of both kinds."""
-    if not array.flags.writeable:
-        return array
-    view = array.view()
-    view.flags.writeable = False
-    return view
+    return joined, [firsts.get(id(array), 0) for array in arrays]

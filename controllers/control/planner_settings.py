@@ -6,20 +6,18 @@
         margin: float = setting_of_car(0.05, "m", "to the side of the car", FROM_ZERO)
         point: Literal["furthest", "middle"] = setting("furthest", text="of the gap")
 
-    PLANNER = np.dtype([("settings", record_type(BubbleSettings)), ("car", CAR_RECORD), ("max_speed", np.float64)])
+    PLANNER = np.dtype([("settings", record_type(BubbleSettings)), ("car", CAR_RECORD)])
 
-A setting of the car, `setting_of_car`, has the value that was found on the F1TENTH car; its default is None, which
-means that value scaled to the car: lengths in proportion to the wheelbase, speeds in proportion to its square root
-(dynamic similarity at equal friction, Froude's law), times in proportion to the time constant of the steering servo
-and the delay of commands. A value that is given is taken as it is. `for_car` does the
-scaling.
+The value of a setting of the car, `setting_of_car`, was found on the F1TENTH car. Its default, None, means that value
+scaled to the planner's car: lengths in proportion to the wheelbase, speeds in proportion to its square root (dynamic
+similarity at equal friction, Froude's law), times in proportion to the time constant of the steering servo and the
+delay of commands. `for_car` does the scaling.
 
-A setting of the method, `setting_of_method`, has two defaults: the value of the planner's source, and that of what is
-refined here. Its default is None, which means the one of the planner's `method`; `for_method` replaces it.
+A setting of the method, `setting_of_method`, has two defaults: the value of the planner's source, and the one that is
+refined here. Its default, None, means the one of the planner's `method`; `for_method` replaces it.
 
-The planners of a batch are an array of rows, one for each world. A kernel reads a field by its name,
-`p.settings.radius`. A setting that is one of some words is stored as the index of its word: 0, 1. A plain `str`, such
-as a path, is not stored.
+A kernel reads a field of a row by its name, `p.settings.radius`. A setting that is one of some words is stored as the
+index of its word: 0, 1. A plain `str`, such as a path, is not stored.
 """
 
 from __future__ import annotations
@@ -150,13 +148,14 @@ def for_method(settings: _S, method: str) -> _S:
 def record_type(settings: type) -> np.dtype[np.void]:
     """Return the type of a row with the fields of a dataclass: floats, ints, bools, and words as ints; no strings."""
     hints, words = _hints(settings), _words(settings)
-    return np.dtype([(name, np.dtype(np.int64 if name in words else hints[name])) for name in _in_a_row(settings)])
+    kinds = {each.name: np.int64 if each.name in words else hints[each.name] for each in fields(settings)}
+    return np.dtype([(name, kind) for name, kind in kinds.items() if kind is not str])
 
 
 def record_values(settings: Any) -> tuple[Any, ...]:
     """Return the values of a row of `record_type(type(settings))`."""
     words = _words(type(settings))
-    values = ((name, getattr(settings, name)) for name in _in_a_row(type(settings)))
+    values = ((name, getattr(settings, name)) for name in record_type(type(settings)).names or ())
     return tuple(words[name].index(value) if name in words else value for name, value in values)
 
 
@@ -164,11 +163,6 @@ def record_values(settings: Any) -> tuple[Any, ...]:
 def _hints(settings: type) -> dict[str, Any]:
     """Return the type of each field of a dataclass."""
     return get_type_hints(settings)
-
-
-def _in_a_row(settings: Any) -> list[str]:
-    hints = _hints(settings)
-    return [f.name for f in fields(settings) if hints[f.name] is not str]
 
 
 @_once_for_each_class

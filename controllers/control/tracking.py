@@ -34,7 +34,7 @@ def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float
     """Return the position of a car on the arc that ends at a point of a motion.
 
     That is how far ahead the end of the arc is [m], how far to the left of the arc the car is [m], and its angle to the
-    arc [rad], positive to the left. Arguments as of `steer_within`.
+    arc [rad], positive to the left. Arguments as of `steer_along`.
     """
     cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])
     ahead = cos * (point[X] - x) + sin * (point[Y] - y)
@@ -55,28 +55,7 @@ def steer_along(
     late: float,
     path_late: float,
 ) -> float:
-    """Return the steering angle [rad] for a car on a motion; arguments as of `steer_within`.
-
-    `path_late` is by how much later the car's path follows its commands than the F1TENTH car's [s]. The length over
-    which errors fall is greater by the way of this time: a car that answers late would swing about the motion else.
-    """
-    length = _LENGTH + (_LENGTH_TIME + path_late) * max(speed, 0.0)
-    return steer_within(points, index, x, y, heading, speed, wheelbase, late, length)
-
-
-@kernel
-def steer_within(
-    points: FloatArray,
-    index: int,
-    x: float,
-    y: float,
-    heading: float,
-    speed: float,
-    wheelbase: float,
-    late: float,
-    length: float,
-) -> float:
-    """Return the steering angle [rad] for a car whose distance from a motion falls over a length.
+    """Return the steering angle [rad] that keeps a car on a motion.
 
     Args:
       points: of the motion (n, 4 or more), see X; in the same frame as the car.
@@ -87,8 +66,10 @@ def steer_within(
       speed: of the car [m/s].
       wheelbase: of the car [m].
       late: by how much its wheels turn later than the F1TENTH car's [s], see `late_by`.
-      length: in which the distance falls [m].
+      path_late: by how much its path follows its commands later than the F1TENTH car's [s]. Errors fall over a length
+        that is greater by the way of this time: a car that answers late would swing about the motion else.
     """
+    length = _LENGTH + (_LENGTH_TIME + path_late) * max(speed, 0.0)
     ahead, aside, angle = errors(points[index], x, y, heading)
     along, at = ahead, index
     while along < (LAG + late) * speed and at + 1 < len(points):
