@@ -33,6 +33,7 @@ from ..safety.guidance import (
     NOBODY_LEADS,
     PLANNER_LEADS,
     TURN_LEADS,
+    Seen,
     follow_frontier,
     keep_stop,
     path_ahead,
@@ -116,8 +117,8 @@ def guide_reference(tick: Tick) -> None:
         for row in memory.predictions.rows[: memory.predictions.count]:
             if math.hypot(row[X], row[Y]) < _NO_MOVES:
                 turning.active = False
-    settings, guidance, ranges = driver.guidance_settings, memory.guidance, tick.ranges_without_cars
-    lead = follow_frontier(geometry, ranges, odometry, driver.limiter, settings, guidance, reference)
+    ranges, settings = tick.ranges_without_cars, driver.guidance_settings
+    lead = follow_frontier(Seen(geometry, ranges, odometry, driver.limiter, settings, reference), memory.guidance)
     memory.lead, memory.knows_speed = lead.who, lead.knows_speed
     on_lane = reference.lane_points > 0
     if lead.who == PLANNER_LEADS and not on_lane:

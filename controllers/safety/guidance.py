@@ -128,7 +128,7 @@ class Lead(NamedTuple):
     knows_speed: bool  # the speed is that of a motion, which is free farther than is in sight
 
 
-class _Seen(NamedTuple):
+class Seen(NamedTuple):
     """What guidance sees in a tick."""
 
     geometry: Record  # of type SCAN_GEOMETRY
@@ -151,27 +151,12 @@ class _Place(NamedTuple):
 
 
 @kernel
-def follow_frontier(
-    geometry: Record,
-    ranges: FloatArray,
-    odometry: Record,
-    limiter: Record,
-    settings: Record,
-    memory: Record,
-    reference: Record,
-) -> Lead:
+def follow_frontier(seen: Seen, memory: Record) -> Lead:
     """Return who leads the car on in this tick, and how. Without a scan that looks ahead the planner does.
 
-    Args:
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings (n,) [m], without NaN or inf.
-      odometry: of type ODOMETRY.
-      limiter: of type LIMITER.
-      settings: fields of GuidanceSettings.
-      memory: of type GUIDANCE, written to.
-      reference: of the planner, of type REFERENCE.
+    `memory` is of type GUIDANCE, written to.
     """
-    seen = _Seen(geometry, ranges, odometry, limiter, settings, reference)
+    geometry, ranges, odometry, limiter, settings, reference = seen
     frontier, turning = memory.frontier, memory.turning
     speed, yaw_rate = odometry.speed, odometry.angular_velocity[2]
     looks = sees(geometry, ranges) and looks_ahead(geometry, len(ranges))
@@ -226,7 +211,7 @@ def _leads_on_as_before(memory: Record, reference: Record) -> bool:
 
 @kernel
 def _planner_leads_on(
-    seen: _Seen, memory: Record, place: _Place, bend: float, tight: bool, most: float
+    seen: Seen, memory: Record, place: _Place, bend: float, tight: bool, most: float
 ) -> bool:
     """Return whether the planner's own reference leads on, and write the speed that a simulated motion gave.
 
@@ -263,7 +248,7 @@ def _planner_leads_on(
 
 
 @kernel
-def _follow_motion(seen: _Seen, memory: Record, place: _Place, bend: float, around_edge: float) -> Lead:
+def _follow_motion(seen: Seen, memory: Record, place: _Place, bend: float, around_edge: float) -> Lead:
     """Return what keeps the car on a motion, which is searched for anew; or that there is none, and it brakes.
 
     `bend` as of `_planner_leads_on`; `around_edge`: speed from which the car can turn behind a hidden frontier [m/s].
@@ -283,7 +268,7 @@ def _follow_motion(seen: _Seen, memory: Record, place: _Place, bend: float, arou
 
 
 @kernel
-def _look_around(seen: _Seen, frontier: Record, x: float, y: float, to_go: float) -> _Place:
+def _look_around(seen: Seen, frontier: Record, x: float, y: float, to_go: float) -> _Place:
     """Return the place of the LiDAR [m], whose way to go is known, with the beam that shortens it most."""
     geometry, ranges, heading = seen.geometry, seen.ranges, frontier.map.heading
     gain, at, best = -math.inf, 0.0, 0
@@ -298,7 +283,7 @@ def _look_around(seen: _Seen, frontier: Record, x: float, y: float, to_go: float
 
 
 @kernel
-def _renew_motion(seen: _Seen, memory: Record) -> bool:
+def _renew_motion(seen: Seen, memory: Record) -> bool:
     """Search for a motion in every second tick, or in each while the car has none; return whether one was found."""
     if memory.follows and memory.frontier.ticks % 2 == 1:
         return False
@@ -343,7 +328,7 @@ def _bend_ahead(memory: Record, car: Record) -> float:
 
 
 @kernel
-def _steer(seen: _Seen, world: Record, motion: Record, first: int) -> tuple[float, float, float]:
+def _steer(seen: Seen, world: Record, motion: Record, first: int) -> tuple[float, float, float]:
     """Return the steering angle [rad] that keeps the car on a motion, and bearing [rad] and distance [m] of a point."""
     points, car, speed = motion.points[: motion.count], seen.limiter.car, seen.odometry.speed
     late, path_late = late_by(car), late_on_path(seen.limiter.slip, car, speed)
@@ -417,7 +402,7 @@ def motion_ahead(memory: Record) -> FloatArray:
 
 
 @kernel
-def _speed_on(seen: _Seen, memory: Record, motion: Record, first: int) -> float:
+def _speed_on(seen: Seen, memory: Record, motion: Record, first: int) -> float:
     """Return the speed [m/s] from which the car slows in time for a motion's curves, and stops at its end."""
     limiter, settings, speed = seen.limiter, seen.settings, seen.odometry.speed
     lateral, braking = settings.profile_grip * limiter.lateral, settings.profile_braking * limiter.braking
@@ -439,7 +424,7 @@ def _speed_on(seen: _Seen, memory: Record, motion: Record, first: int) -> float:
 
 
 @kernel
-def _speed_around_edge(seen: _Seen, frontier: Record, x: float, y: float) -> float:
+def _speed_around_edge(seen: Seen, frontier: Record, x: float, y: float) -> float:
     """Return the speed [m/s] from which the car can turn at full lock behind a hidden frontier; inf: it is not hidden.
     """
     limiter, settings = seen.limiter, seen.settings
@@ -452,7 +437,7 @@ def _speed_around_edge(seen: _Seen, frontier: Record, x: float, y: float) -> flo
 
 
 @kernel
-def _speed_without_frontier(seen: _Seen, memory: Record) -> float:
+def _speed_without_frontier(seen: Seen, memory: Record) -> float:
     """Return the speed [m/s] of a car whose way to go is not known, and forget its path once it has stood for long."""
     settings = seen.settings
     memory.lost = memory.lost + 1 if not memory.frontier.found else 0
