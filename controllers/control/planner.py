@@ -246,8 +246,12 @@ class Planner(Remade):
         return {"raw": valid_ranges(scan.ranges, scan.range_max)}
 
     def reasons(self) -> list[Reason]:
-        """Return the change that each step made to the last command, in order; none before the first command."""
-        return reasons_in(self._alone.memory[0]["reasons"])
+        """Return the change that each step made to the last command, in order; none before the first command.
+
+        What was proposed to the judge is among them, with what it would have met.
+        """
+        memory = self._alone.memory[0]
+        return reasons_in(memory["reasons"], memory["judge"])
 
     def motion(self) -> FloatArray:
         """Return the motion along which guidance led the car in the last decision; no points where the planner drove.

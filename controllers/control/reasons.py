@@ -3,6 +3,8 @@
     for reason in planner.reasons():  # of its last decision
         print(reason.name, reason.steering_angle, reason.speed)
 
+Before the judge's choice (safety filter) stands each of its proposals, with what it would have met, and which one won.
+
 The kernels of `driving` write a row for every step that they take, and read none: no command depends on them. The law
 that holds the speed is the last step that changed it; so it is with the steering angle.
 """
@@ -63,8 +65,11 @@ PROPOSALS = (np.float64, (len(_WHY), 5))
 which the car would have met something, when [s], and what, see rollout. Of several with one name the best one."""
 
 
+_MET = ("nothing", "what stands", "what moves")
+
+
 class Reason(NamedTuple):
-    """The change that one step made to the reference."""
+    """The change that one step made to the reference, or what was proposed to the judge."""
 
     name: str
     steering_angle: float  # [rad] after it; NaN: there is none yet
@@ -97,12 +102,30 @@ def log_proposal(
         row[0], row[1], row[2], row[3], row[4] = steering_angle, speed, met[0], met[1], met[2]
 
 
-def reasons_in(reasons: FloatArray) -> list[Reason]:
-    """Return the steps of a decision that applied, in their order; none where nothing was decided yet."""
+def reasons_in(reasons: FloatArray, judged: np.void) -> list[Reason]:
+    """Return the steps of a decision that applied, in their order; none where nothing was decided yet.
+
+    What was proposed to the judge comes before the step that is its choice. `judged` is of type safety.judge.JUDGE.
+    """
+    found: list[Reason] = []
     if not reasons[MAXIMUM, 1] > 0.0:  # a planner's memory is zero at the beginning
-        return []
-    return [
-        Reason(name, float(reasons[step, 0]), float(reasons[step, 1]), text, step >= TRANSIENTS)
-        for step, (name, text) in enumerate(_STEPS)
-        if not math.isnan(reasons[step, 1])
-    ]
+        return found
+    for step, (name, text) in enumerate(_STEPS):
+        if step == SAFETY_FILTER and not math.isnan(reasons[step, 1]):
+            found += _proposals_in(judged)
+        if not math.isnan(reasons[step, 1]):
+            steering_angle, speed = reasons[step].tolist()
+            found.append(Reason(name, steering_angle, speed, text, step >= TRANSIENTS))
+    return found
+
+
+def _proposals_in(judged: np.void) -> list[Reason]:
+    """Return what was proposed, what each would have met, and which one won."""
+    found = []
+    for why, (name, text) in enumerate(_WHY):
+        steering_angle, speed, met, time, what = judged["proposals"][why].tolist()
+        if not math.isnan(speed):
+            says = "meets nothing" if what == 0 else f"meets {_MET[int(what)]} at {met:.2f} m/s after {time:.2f} s"
+            won = " and is driven" if why == judged["best"]["why"] else ""
+            found.append(Reason(f"proposal: {name}", steering_angle, speed, f"{text}; {says}{won}", True))
+    return found

@@ -14,8 +14,9 @@ from fg_mujoco.controllers.perception.local_map import FREE as FREE_GROUND
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.controllers.safety.judge import JUDGE, JudgeSettings, Wanted, judge
 from fg_mujoco.controllers.safety.rollout import MOVES, STANDS, Plan, reading, simulate
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.vehicle import Vehicle
-from scan_worlds import situation
+from scan_worlds import corridor, odometry_of, situation
 
 CAR = Vehicle.load().parameters
 LIMITER = FrictionLimiter(CAR, 1.0489)
@@ -148,3 +149,14 @@ def test_the_bearing_of_an_arc_is_what_pursuit_steers_for(angle):
 def test_a_reading_is_the_nearest_beam_and_at_the_ends_the_last():
     here = situation(LIMITER.record[0], np.arange(5.0), 0.0, 1.0, angle_min=-0.2, increment=0.1)
     assert [reading(here, bearing) for bearing in (-9.0, -0.2, 0.04, 0.06, 9.0)] == [0.0, 0.0, 2.0, 3.0, 4.0]
+
+
+def test_reasons_say_what_each_proposal_would_have_met_and_which_is_driven():
+    planner = make_controller("gap_finder", car=CAR, mu=1.0489, max_speed=8.0, settings={})
+    planner(corridor(0.6, 0.6, ahead=1.2), odometry_of(3.0))
+    proposals = [reason for reason in planner.reasons() if reason.name.startswith("proposal: ")]
+    assert len(proposals) > 2 and all("meets what stands at" in each.text for each in proposals)
+    assert sum(each.text.endswith("is driven") for each in proposals) == 1
+    planner(corridor(1.0, 1.0), odometry_of(1.0))
+    (only,) = [reason for reason in planner.reasons() if reason.name.startswith("proposal: ")]
+    assert only.name == "proposal: reference" and only.text.endswith("meets nothing and is driven")

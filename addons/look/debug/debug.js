@@ -414,7 +414,7 @@
         cell.textContent = value === null ? "–" : written(of(value), digits);
         if (place === decision.held[which]) cell.className = "holds";
         else if (value !== null && last[which] !== null && Math.abs(value - last[which]) > 1e-4) cell.className = "changed";
-        if (value !== null) last[which] = value;
+        if (value !== null && !way) last[which] = value;
       });
     });
     if (decision.same === false) {
