@@ -254,7 +254,7 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
     reference.lane_points = count
     path_late = late_on_path(limiter.slip, car, own_speed)
     reference.steering_angle = steer_along(
-        reference.lane[:count], 0, 0.0, 0.0, 0.0, own_speed, car.wheelbase, late_by(car), path_late
+        reference.lane[:count], 0, (0.0, 0.0, 0.0), own_speed, car.wheelbase, late_by(car), path_late
     )
     reference.bearing = math.atan2(reference.lane[count - 1, 1], reference.lane[count - 1, 0] - car.lidar_offset)
     reference.distance = math.hypot(reference.lane[count - 1, 1], reference.lane[count - 1, 0] - car.lidar_offset)

@@ -34,7 +34,7 @@ def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float
     """Return the position of a car on the arc that ends at a point of a motion.
 
     That is how far ahead the end of the arc is [m], how far to the left of the arc the car is [m], and its angle to the
-    arc [rad], positive to the left. Arguments as of `steer_along`.
+    arc [rad], positive to the left. The car's rear axle is at (x, y) [m], its heading in [rad].
     """
     cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])
     ahead = cos * (point[X] - x) + sin * (point[Y] - y)
@@ -47,9 +47,7 @@ def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float
 def steer_along(
     points: FloatArray,
     index: int,
-    x: float,
-    y: float,
-    heading: float,
+    pose: tuple[float, float, float],
     speed: float,
     wheelbase: float,
     late: float,
@@ -60,9 +58,7 @@ def steer_along(
     Args:
       points: of the motion (n, 4 or more), see X; in the same frame as the car.
       index: index of the next one, see `next_point`.
-      x: of the rear axle [m].
-      y: of the rear axle [m].
-      heading: of the car [rad].
+      pose: of the rear axle: x [m], y [m], heading [rad].
       speed: of the car [m/s].
       wheelbase: of the car [m].
       late: by how much its wheels turn later than the F1TENTH car's [s], see `late_by`.
@@ -70,7 +66,7 @@ def steer_along(
         that is greater by the way of this time: a car that answers late would swing about the motion else.
     """
     length = _LENGTH + (_LENGTH_TIME + path_late) * max(speed, 0.0)
-    ahead, aside, angle = errors(points[index], x, y, heading)
+    ahead, aside, angle = errors(points[index], pose[0], pose[1], pose[2])
     along, at = ahead, index
     while along < (LAG + late) * speed and at + 1 < len(points):
         along += math.hypot(points[at + 1, X] - points[at, X], points[at + 1, Y] - points[at, Y])

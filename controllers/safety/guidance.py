@@ -332,9 +332,8 @@ def _steer(seen: Seen, world: Record, motion: Record, first: int) -> tuple[float
     """Return the steering angle [rad] that keeps the car on a motion, and bearing [rad] and distance [m] of a point."""
     points, car, speed = motion.points[: motion.count], seen.limiter.car, seen.odometry.speed
     late, path_late = late_by(car), late_on_path(seen.limiter.slip, car, speed)
-    steering_angle = steer_along(
-        points, first, world.x, world.y, world.heading, speed, car.wheelbase, late, path_late
-    )  # fmt: skip
+    pose = (world.x, world.y, world.heading)
+    steering_angle = steer_along(points, first, pose, speed, car.wheelbase, late, path_late)
     dx, dy = points[first, X] - world.x, points[first, Y] - world.y
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     return steering_angle, math.atan2(cos * dy - sin * dx, cos * dx + sin * dy), math.hypot(dx, dy)

@@ -140,7 +140,7 @@ def judge(here: Situation, wanted: Wanted, memory: Record) -> None:
     if len(wanted.last_stop) > 0 and here.speed > settings.standing_speed:
         car, slip = here.limiter.car, here.limiter.slip
         late, path_late = late_by(car), late_on_path(slip, car, here.speed)
-        on_it = steer_along(wanted.last_stop, 0, 0.0, 0.0, 0.0, here.speed, car.wheelbase, late, path_late)
+        on_it = steer_along(wanted.last_stop, 0, (0.0, 0.0, 0.0), here.speed, car.wheelbase, late, path_late)
         for margin in (settings.margin_kept * settings.margin_aside, 0.0):
             last = _plan(here, on_it, wanted.last_stop, 0.0, margin)
             if _consider(here, LAST_STOP, on_it, last, _BRAKING, proposals, best):

@@ -141,7 +141,7 @@ def _steer(
     if len(plan.path) > 0:
         index = next_point(plan.path, index, x, y, heading)
         late, path_late = late_by(car), late_on_path(slip, car, speed)
-        return steer_along(plan.path, index, x, y, heading, speed, car.wheelbase, late, path_late), index
+        return steer_along(plan.path, index, (x, y, heading), speed, car.wheelbase, late, path_late), index
     lidar, cos, sin = car.lidar_offset, math.cos(heading), math.sin(heading)
     goal_x, goal_y = lidar + plan.distance * math.cos(plan.bearing) - x, plan.distance * math.sin(plan.bearing) - y
     ahead, left = cos * goal_x + sin * goal_y - lidar, cos * goal_y - sin * goal_x

@@ -40,7 +40,7 @@ def follow(points, speed, beside=0.0, heading=0.0, step=0.005, tick=0.025, late=
             place = next_point(points, place, x, y, heading)
             if place + 1 >= len(points):
                 return np.array(off)
-            command = steer_along(points, place, x, y, heading, speed, CAR.wheelbase, late, told)
+            command = steer_along(points, place, (x, y, heading), speed, CAR.wheelbase, late, told)
             command = max(-CAR.max_steering_angle, min(command, CAR.max_steering_angle))
             off.append(errors(points[place], x, y, heading)[1])
         angle += (command - angle) * (1.0 - math.exp(-step / (0.5 * LAG + late)))
