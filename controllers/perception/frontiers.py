@@ -117,8 +117,6 @@ FRONTIER_SEARCH = np.dtype(
         ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
         ("x", np.float64),  # [m] of the middle of the frontier
         ("y", np.float64),
-        ("edge_x", np.float64),  # [m] of the nearest of its cells that is not near a wall
-        ("edge_y", np.float64),
         # [UNIT] of blocks of two by two cells, by half the column and the row in the ring; FAR: not known
         ("distance_to_goal", np.uint16, (BLOCKS, BLOCKS)),
         ("nodes", np.int64),  # of all searches for a motion in this tick
@@ -294,9 +292,6 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
         count, loop, impassable = _find_ahead(memory, ground)
     memory.found = count > 0
     memory.hidden = memory.found and not loop and math.hypot(memory.x - world.x, memory.y - world.y) < SIGHT - 1.0
-    memory.edge_x, memory.edge_y = memory.x, memory.y
-    if not loop:
-        _find_edge(memory, bits, ground.goal[:count])
     ground.distance[:], memory.distance_to_goal[:] = FAR, FAR
     impassable = AT_WALL | impassable & HOLE
     dijkstra(bits, ground.distance, memory.distance_to_goal, ground.goal[:count], free, impassable)
@@ -507,17 +502,6 @@ def _has_room_behind(
     for k in range(reached if leads_on else 0):
         label[behind[k]] = 4
     return leads_on
-
-
-@kernel
-def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]) -> None:
-    """Write where the nearest cell of a frontier is that is not near a wall."""
-    world, least = memory.map, math.inf
-    for cell in goal:
-        i, j = indices_of(world, cell)
-        distance = math.hypot((i + 0.5) * CELL - world.x, (j + 0.5) * CELL - world.y)
-        if distance < least and bits[cell] & NEAR_WALL == 0:
-            least, memory.edge_x, memory.edge_y = distance, (i + 0.5) * CELL, (j + 0.5) * CELL
 
 
 @kernel

@@ -429,10 +429,10 @@ def _speed_around_edge(seen: Seen, frontier: Record, x: float, y: float) -> floa
     limiter, settings = seen.limiter, seen.settings
     if not frontier.hidden:
         return math.inf
-    to_edge = math.hypot(frontier.edge_x - x, frontier.edge_y - y)
+    away = math.hypot(frontier.x - x, frontier.y - y)
     tightest = math.tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase
     turning = settings.grip * limiter.lateral / tightest
-    return math.sqrt(turning + 2.0 * settings.hidden_braking * limiter.braking * to_edge)
+    return math.sqrt(turning + 2.0 * settings.hidden_braking * limiter.braking * away)
 
 
 @kernel
