@@ -157,7 +157,7 @@ def leave_cars_out(memory: Record, predictions: Record) -> bool:
                 ahead, left = seen_from(memory, car.x, car.y)
                 of_car = of_car or (car.age > 0 and math.hypot(ahead - x, left - y) < _OF_CAR)
             if of_car:
-                target.moves, target.evidence = False, 0
+                target.moves = False
     return write_predictions(predictions)
 
 

@@ -15,10 +15,12 @@
    to the thing. So a thing that comes out of cover is measured by the end that leads. Innovations against the velocity
    are summed up (CUSUM): a thing that turns back is noticed after some scans. Its velocity is turned round then, and
    the place is kept, because it will turn there again.
-4. A target moves if its velocity is `_CERTAIN` standard deviations from zero, faster than an odometry error of `_DRIFT`
-   makes standing things appear, and if the scans of the last 0.4 s agree: where it is now, one saw past, or where it
-   was, one sees past now. What only changes its outline, as a wall's end does when the car turns round it, never
-   covers ground that was seen free.
+4. A target moves if its velocity is `_CERTAIN` standard deviations from zero, and if this scan and one of the last
+   0.8 s contradict each other. A standing thing is where a beam ends, so no other beam sees past it. The proof is that
+   two of the target's beams end where the earlier scan sees past, or that this scan sees past where the earlier one saw
+   it. Odometry errs by shares of the way and of the turn, and by the slip of wheels that speed up or brake. So all
+   beams that may point to the place have to see past it, by more than the way may err along them. A wall's end that
+   only changes its outline as the car turns round it never contradicts an earlier scan.
 
 Sources: R. Kalman, A New Approach to Linear Filtering and Prediction Problems, Journal of Basic Engineering 82(1),
 1960; E. Page, Continuous Inspection Schemes, Biometrika 41, 1954, for the sums of innovations; D. Hähnel, R. Triebel,
@@ -26,8 +28,9 @@ W. Burgard and S. Thrun, Map Building with Mobile Robots in Dynamic Environments
 free before.
 
 Limits: a thing that touches a wall, or one nearer than `_EDGE` to what is behind it, is part of it, and so is one that
-the field of view cuts off. A target that is hidden is taken to go on as it did for `_FORGOTTEN`. Things wider than
-`_WIDEST` stand.
+the field of view cuts off. Beyond `_LEVEL`, what moves in front of nothing that the LiDAR sees is not known to move: as
+the car rolls, beams pass above things there. A target that is hidden is taken to go on as it did for `_FORGOTTEN`.
+Things wider than `_WIDEST` stand.
 """
 
 from __future__ import annotations
@@ -65,18 +68,18 @@ _ALLOWED = 0.5  # the same, of each innovation, that is not counted
 _UNCERTAIN = 0.3  # of its speed is the standard deviation of one that has turned back
 _CERTAIN = 4.0  # standard deviations
 _LEAST_SPEED = 0.25  # [m/s]
-_DRIFT = 0.06  # share by which odometry may err
+_DRIFT, _TURN_DRIFT = 0.07, 0.06  # share by which odometry may err: of the way, and of the turn
+_SLIP = 0.01  # [s^2/m] share of the way by which wheels slip for each m/s^2 of acceleration
 _LEAST_AGE = 5  # sightings
-_LEAST_EVIDENCE = 3  # scans
-_MOST_EVIDENCE = 12  # scans
-_FREE = 0.2  # [m] past a place that a beam has to reach, for the place to be free
-_SAMPLES = 8  # beams of a cluster that are looked at for evidence
-_LEAST_FREE = 0.05  # [m] of a cluster that has to lie on ground that was free
+_NO_RETURN = 65.0  # [m] as which a beam without a return is kept
+_LEVEL = 7.0  # [m] up to which such a beam has not passed above a thing of 0.3 m, as the car rolls
+_SIGMAS = 3.0  # of the noise by which what is seen may be elsewhere
+_FREE = 0.08  # [m] past a place that a beam has to reach, for the place to be free
 _FORGOTTEN = 0.6  # [s]
 _FORGOTTEN_IN_VIEW = 0.15  # [s] the same, where it would be seen
 _STANDS = 1.0  # [s] without motion after which a target is a standing thing again
-_SNAPSHOTS, _EVERY = 4, 4  # scans that are kept, and of so many one
-_BINS = 512  # of a scan that is kept
+_SNAPSHOTS, _EVERY = 5, 6  # scans that are kept: the last one, and one of so many before it
+_BINS = 1081  # of a scan that is kept, at most
 
 TARGET = np.dtype(
     [
@@ -91,7 +94,6 @@ TARGET = np.dtype(
         ("p_speed", np.float64),  # [m^2/s^2]
         ("misfits", np.int64),  # innovations in turn that were too great
         ("against", np.float64),  # sum of those against its velocity, in standard deviations
-        ("evidence", np.int64),  # scans that agree that it moves
         ("still", np.float64),  # [s] for which it has not moved
         ("unseen", np.float64),  # [s]
         ("moves", np.bool_),
@@ -110,7 +112,9 @@ SNAPSHOT = np.dtype(
         ("heading", np.float64),  # [rad]
         ("tick", np.int64),  # when it was taken; 0: none is kept
         ("turned", np.float64),  # [rad] until then
-        ("ranges", np.float32, (_BINS,)),  # [m] least of each bin
+        ("doubt", np.float64),  # [m] the same
+        ("noise", np.float64),  # [m]
+        ("ranges", np.uint16, (_BINS,)),  # [mm] least of each bin
     ]
 )
 TARGETS = np.dtype(
@@ -121,6 +125,8 @@ TARGETS = np.dtype(
         ("speed", np.float64),  # [m/s] at the last scan: the mean of two is that of the time between them
         ("yaw_rate", np.float64),  # [rad/s]
         ("turned", np.float64),  # [rad] to either side
+        ("doubt", np.float64),  # [m] by which the way may err
+        ("noise", np.float64),  # [m] of the last scan's readings
         ("tick", np.int64),
         ("beams", np.int64),  # of the scans that are kept
         ("count", np.int64),  # of targets that move
@@ -161,6 +167,7 @@ def track_targets(
     period, count = period_of(geometry), len(ranges)
     speed, yaw_rate = odometry.speed, odometry.angular_velocity[2]
     way, turn = 0.5 * period * (memory.speed + speed), 0.5 * period * (memory.yaw_rate + yaw_rate)
+    change = abs(speed - memory.speed)
     memory.count, memory.speed, memory.yaw_rate = 0, speed, yaw_rate
     if not abs(way) + abs(turn) < 10.0 or count != memory.beams:  # it is no odometry, or another LiDAR
         memory.beams = count
@@ -171,19 +178,20 @@ def track_targets(
     y = memory.y - lidar_offset * math.sin(memory.heading) + way * math.sin(towards)
     memory.heading += turn
     memory.x, memory.y = x + lidar_offset * math.cos(memory.heading), y + lidar_offset * math.sin(memory.heading)
+    memory.doubt += abs(way) * (_DRIFT + _SLIP * change / period)
     memory.turned += abs(turn)
     memory.tick += 1
+    memory.noise = noise_of(ranges, geometry.range_max)
+    _keep_scan(memory, geometry, ranges)
     found = np.empty(_FOUND, _CLUSTER)
     clusters = find_clusters(memory, geometry, ranges, found)
     for moves in (True, False):
         for target in memory.targets:
             if target.age > 0 and target.moves == moves:
                 _predict(target, period)
-                _follow(memory, target, found, clusters, geometry, ranges, odometry, period)
+                _follow(memory, target, found, clusters, geometry, ranges)
                 memory.count += target.age > 0 and target.moves
     _begin_all(memory.targets, found, clusters)
-    if memory.tick % _EVERY == 1:
-        _keep_snapshot(memory, ranges)
     return int(memory.count)
 
 
@@ -200,8 +208,7 @@ def forget_targets(memory: Record) -> None:
 @kernel
 def find_clusters(memory: Record, geometry: Record, ranges: FloatArray, found: Record) -> int:
     """Write the clusters of a scan that may be things, (k,) of type _CLUSTER; return how many."""
-    noise = noise_of(ranges, geometry.range_max)
-    edge = max(_EDGE, _CUT * math.sqrt(2.0) * noise)
+    edge = max(_EDGE, _CUT * math.sqrt(2.0) * memory.noise)
     count, first, nearer = 0, 0, True  # the cluster that has not ended; whether what is right of it is nearer
     for beam in range(1, len(ranges)):
         step = ranges[beam] - ranges[beam - 1]
@@ -209,7 +216,7 @@ def find_clusters(memory: Record, geometry: Record, ranges: FloatArray, found: R
             continue
         whole = first > 0 and beam - first >= _LEAST_BEAMS  # what the field of view cuts off may be a wall
         if whole and ranges[first] < _FARTHEST and (not nearer or step > 0.0):
-            count += _is_cluster(memory, geometry, ranges, first, beam, edge, noise, found[count])
+            count += _is_cluster(memory, geometry, ranges, first, beam, edge, found[count])
             if count == len(found):
                 return count
         first, nearer = beam, step > 0.0
@@ -218,14 +225,14 @@ def find_clusters(memory: Record, geometry: Record, ranges: FloatArray, found: R
 
 @kernel
 def _is_cluster(
-    memory: Record, geometry: Record, ranges: FloatArray, first: int, end: int, edge: float, noise: float, found: Record
+    memory: Record, geometry: Record, ranges: FloatArray, first: int, end: int, edge: float, found: Record
 ) -> bool:
     """Write a cluster of the beams from `first` to before `end`; return False if it is too wide, or part of a wall.
 
     The variance of an end is of the range, of where between two beams the thing ends, and of its outline: near the car
     another part of the outline is outermost in each scan.
     """
-    right, left = ranges[first], ranges[end - 1]
+    noise, right, left = memory.noise, ranges[first], ranges[end - 1]
     edge = max(edge, _STEEP * abs(left - right) / (end - 1 - first))  # beams on a wall that is seen at a small angle
     own_right, own_left = ranges[first - 1] - right > edge, ranges[end] - left > edge
     if not (own_right or own_left):
@@ -274,9 +281,8 @@ def _predict(target: Record, period: float) -> None:
 
 @kernel
 def _follow(
-    memory: Record, target: Record, found: Record, count: int, geometry: Record, ranges: FloatArray, odometry: Record,
-    period: float,
-) -> None:  # fmt: skip
+    memory: Record, target: Record, found: Record, count: int, geometry: Record, ranges: FloatArray
+) -> None:
     """Take what was found nearest to a target for it."""
     nearest, least = -1, _GATE
     for k in range(count):
@@ -286,9 +292,9 @@ def _follow(
             if apart < least:
                 nearest, least = k, apart
     if nearest < 0:
-        target.unseen += period
+        target.unseen += period_of(geometry)
         patience = _FORGOTTEN if target.moves else _FORGOTTEN_IN_VIEW
-        if target.moves and _is_in_view(memory, target, geometry, ranges):
+        if target.moves and _is_in_view(memory, target, geometry, len(ranges)):
             patience = _FORGOTTEN_IN_VIEW
         if target.unseen > patience:
             target.age, target.moves = 0, False
@@ -326,7 +332,7 @@ def _follow(
     _take(target, cluster)
     target.age += 1
     target.unseen = 0.0
-    _judge(memory, target, geometry, ranges, odometry, period)
+    _judge(memory, target, geometry, ranges)
 
 
 @kernel
@@ -388,101 +394,96 @@ def _is_like(target: Record, cluster: Record) -> bool:
 
 
 @kernel
-def _judge(
-    memory: Record, target: Record, geometry: Record, ranges: FloatArray, odometry: Record, period: float
-) -> None:
+def _judge(memory: Record, target: Record, geometry: Record, ranges: FloatArray) -> None:
     """Decide whether a target moves."""
     square = target.vx * target.vx + target.vy * target.vy
-    if target.moves:
-        target.still = target.still + period if square < 0.25 * _LEAST_SPEED * _LEAST_SPEED else 0.0
-        if target.still > _STANDS:
-            target.moves, target.evidence = False, 0
+    if not target.moves:
+        least = max(_CERTAIN * _CERTAIN * target.p_speed, _LEAST_SPEED * _LEAST_SPEED)
+        target.moves = square > least and _has_moved(memory, target, geometry, ranges)
+        target.still = 0.0
         return
-    certain = square > _CERTAIN * _CERTAIN * target.p_speed and square > _LEAST_SPEED * _LEAST_SPEED
-    if target.age < _LEAST_AGE or not certain:
-        target.evidence = 0
-        return
-    x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
-    turn = _DRIFT * abs(odometry.angular_velocity[2]) * math.hypot(x - memory.x, y - memory.y)
-    most = _LEAST_SPEED + _DRIFT * abs(odometry.speed) + turn
-    cos, sin = math.cos(memory.heading), math.sin(memory.heading)
-    along, across = cos * target.vx + sin * target.vy, cos * target.vy - sin * target.vx
-    if abs(along) < most and abs(across) < _LEAST_SPEED + turn:
-        target.evidence = 0
-        return
-    if _has_moved(memory, target, geometry, ranges):
-        target.evidence = min(target.evidence + 1, _MOST_EVIDENCE)
-    else:
-        target.evidence = max(target.evidence - 1, 0)
-    target.moves = target.evidence >= _LEAST_EVIDENCE
-    target.still = 0.0
+    target.still = target.still + period_of(geometry) if square < 0.25 * _LEAST_SPEED * _LEAST_SPEED else 0.0
+    target.moves = target.still <= _STANDS
 
 
 @kernel
 def _has_moved(memory: Record, target: Record, geometry: Record, ranges: FloatArray) -> bool:
-    """Return whether a target covers ground that a kept scan saw free, or has left ground that it covered there.
-
-    An error of the odometry's speed moves what stands along the car's way: of something ahead, towards the car or
-    away, and not aside. So ground that it leaves or covers aside has to be wider by an error of the turn only.
-    """
-    stride = max((target.end - target.first) // _SAMPLES, 1)
+    """Return whether a target covers ground that a kept scan saw free, or has left ground that it covered there."""
+    now, count = memory.snapshots[0], len(ranges)
     x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
-    distance = math.hypot(x - memory.x, y - memory.y)
-    cos, sin = (x - memory.x) / distance, (y - memory.y) / distance
-    x, y = x - target.radius * cos, y - target.radius * sin  # from its middle to its face
-    for snapshot in memory.snapshots:
-        if snapshot.tick == 0:
+    share = target.radius / max(math.hypot(x - now.x, y - now.y), target.radius + _FREE)
+    face_x, face_y = x - share * (x - now.x), y - share * (y - now.y)
+    for k in range(1, len(memory.snapshots)):
+        then = memory.snapshots[k]
+        if then.tick == 0:
             continue
-        dx, dy, turned = memory.x - snapshot.x, memory.y - snapshot.y, distance * (memory.turned - snapshot.turned)
-        free = _FREE + _DRIFT * (abs(dx * cos + dy * sin) + turned)
-        wide = _LEAST_FREE + _DRIFT * (abs(dx * sin - dy * cos) + turned)
         covered = 0
-        for beam in range(target.first, target.end, stride):
-            bearing = memory.heading + bearing_of(geometry, beam)
-            at_x, at_y = memory.x + ranges[beam] * math.cos(bearing), memory.y + ranges[beam] * math.sin(bearing)
-            covered += _beyond(snapshot, geometry, memory.beams, at_x, at_y) > free
-        if covered * stride * geometry.angle_increment * distance > wide and covered > 1:
+        for beam in range(target.first, target.end):
+            bearing = now.heading + bearing_of(geometry, beam)
+            x, y = now.x + ranges[beam] * math.cos(bearing), now.y + ranges[beam] * math.sin(bearing)
+            covered += _sees_past(then, now, geometry, count, x, y)
+        if covered > 1:
             return True
-        since = (memory.tick - snapshot.tick) * period_of(geometry)
-        old_x, old_y = x - target.vx * since, y - target.vy * since
-        if abs(_beyond(snapshot, geometry, memory.beams, old_x, old_y)) < _FREE and (
-            _beyond_now(memory, geometry, ranges, old_x, old_y) > free
-        ):
-            return True
+        since = (now.tick - then.tick) * period_of(geometry)
+        old_x, old_y = face_x - target.vx * since, face_y - target.vy * since
+        beam, distance = _beam_towards(then, geometry, old_x, old_y)
+        if 0 <= beam < count:
+            reach = _reach(then, count, beam)
+            if abs(reach - distance) < _EDGE:
+                share = reach / max(distance, _FREE)  # to what was seen there
+                old_x, old_y = then.x + share * (old_x - then.x), then.y + share * (old_y - then.y)
+                if _sees_past(now, then, geometry, count, old_x, old_y):
+                    return True
     return False
 
 
 @kernel
-def _beyond(snapshot: Record, geometry: Record, beams: int, x: float, y: float) -> float:
-    """Return by how much a kept scan reaches past a place [m]; -inf where it does not look."""
-    cos, sin = math.cos(snapshot.heading), math.sin(snapshot.heading)
-    dx, dy = x - snapshot.x, y - snapshot.y
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    beam = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left)
-    if not 0.0 <= beam < beams:
-        return -math.inf
-    reach = snapshot.ranges[int(beam) if beams <= _BINS else int(beam) * _BINS // beams]
-    return float(reach - math.hypot(ahead, left))
+def _sees_past(view: Record, other: Record, geometry: Record, count: int, x: float, y: float) -> bool:
+    """Return whether a kept scan of `count` beams sees past a place where another one saw a thing.
+
+    If all stands, a beam towards that place ends there or before. Odometry that errs puts the place elsewhere: so all
+    beams have to reach past it that may point there.
+    """
+    beam, distance = _beam_towards(view, geometry, x, y)
+    distance = max(distance, _FREE)
+    cos, sin, way_x, way_y = (x - view.x) / distance, (y - view.y) / distance, other.x - view.x, other.y - view.y
+    turn = _TURN_DRIFT * abs(other.turned - view.turned)
+    way = max(math.hypot(way_x, way_y), 1e-6)
+    doubt = abs(other.doubt - view.doubt) / way
+    off = 0.5 * turn * way + _SIGMAS * other.noise  # an error of the turn bends the way
+    aside = (doubt * abs(way_x * sin - way_y * cos) + off) / distance + turn
+    beside = 1.0 + math.hypot(x - other.x, y - other.y) / distance  # what lies between two beams is seen by neither
+    beams = int(min(aside / geometry.angle_increment + beside + 0.5, 1.0 * count))
+    if beam < beams or beam + beams >= count:
+        return False
+    past = distance + _FREE + doubt * abs(way_x * cos + way_y * sin) + off
+    for k in range(beam - beams, beam + beams + 1):
+        reach = _reach(view, count, k)
+        if reach < past or (distance > _LEVEL and reach == _NO_RETURN):
+            return False
+    return True
 
 
 @kernel
-def _beyond_now(memory: Record, geometry: Record, ranges: FloatArray, x: float, y: float) -> float:
-    """Return by how much the least of three beams reaches past a place now [m]; -inf where none looks."""
-    cos, sin = math.cos(memory.heading), math.sin(memory.heading)
-    dx, dy = x - memory.x, y - memory.y
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    beam = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left)
-    if not 1.0 <= beam < len(ranges) - 1.0:
-        return -math.inf
-    k = int(beam)
-    return float(min(ranges[k - 1], ranges[k], ranges[k + 1]) - math.hypot(ahead, left))
+def _beam_towards(view: Record, geometry: Record, x: float, y: float) -> tuple[int, float]:
+    """Return the beam of a kept scan that points to a place, below 0 or beyond the last if none does; and how far."""
+    cos, sin, dx, dy = math.cos(view.heading), math.sin(view.heading), x - view.x, y - view.y
+    beam = nearest_beam(geometry.angle_min, geometry.angle_increment, cos * dx + sin * dy, cos * dy - sin * dx)
+    return int(beam), math.hypot(dx, dy)
 
 
 @kernel
-def _is_in_view(memory: Record, target: Record, geometry: Record, ranges: FloatArray) -> bool:
+def _reach(view: Record, count: int, beam: int) -> float:
+    """Return how far a beam of a kept scan of `count` beams reaches [m]."""
+    return float(view.ranges[beam // ((count + _BINS - 1) // _BINS)] / 1000.0)
+
+
+@kernel
+def _is_in_view(memory: Record, target: Record, geometry: Record, count: int) -> bool:
     """Return whether a target would be seen where it is expected: the beams there end beyond it."""
     x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
-    return bool(_beyond_now(memory, geometry, ranges, x, y) > _FREE)
+    now = memory.snapshots[0]
+    return _sees_past(now, now, geometry, count, x, y)
 
 
 @kernel
@@ -506,7 +507,7 @@ def _begin(targets: Record, cluster: Record) -> None:
             target.vx = target.vy = target.unseen = target.still = 0.0
             target.p_place, target.p_mixed = cluster.variance, 0.0
             target.p_speed = _FIRST_SPEED * _FIRST_SPEED
-            target.misfits = target.evidence = target.turns = 0
+            target.misfits = target.turns = 0
             target.against = 0.0
             target.moves = False
             return
@@ -524,21 +525,19 @@ def _take(target: Record, cluster: Record) -> None:
 
 
 @kernel
-def _keep_snapshot(memory: Record, ranges: FloatArray) -> None:
-    """Keep a scan in place of the oldest one."""
-    snapshot = memory.snapshots[(memory.tick // _EVERY) % _SNAPSHOTS]
-    snapshot.x, snapshot.y, snapshot.heading, snapshot.tick = memory.x, memory.y, memory.heading, memory.tick
-    snapshot.turned = memory.turned
-    count = len(ranges)
-    if count <= _BINS:
-        for beam in range(count):
-            snapshot.ranges[beam] = ranges[beam]
-        return
-    first = 0
-    for index in range(_BINS):  # `beam * _BINS // count` is the bin of a beam
-        end = ((index + 1) * count + _BINS - 1) // _BINS
-        least = ranges[first]
-        for beam in range(first + 1, end):
-            least = min(least, ranges[beam])
-        snapshot.ranges[index] = least
-        first = end
+def _keep_scan(memory: Record, geometry: Record, ranges: FloatArray) -> None:
+    """Keep a scan as the newest one, and sometimes that before it in place of the oldest.
+
+    A beam without a return may have passed above a thing beyond `_LEVEL`, as the car rolls.
+    """
+    now, kept = memory.snapshots[0], len(memory.snapshots) - 1
+    if memory.tick % _EVERY == 1:
+        memory.snapshots[1 + (memory.tick // _EVERY) % kept] = now
+    now.x, now.y, now.heading, now.tick = memory.x, memory.y, memory.heading, memory.tick
+    now.turned, now.doubt, now.noise = memory.turned, memory.doubt, memory.noise
+    together, count = (len(ranges) + _BINS - 1) // _BINS, len(ranges)
+    for index in range((count + together - 1) // together):
+        least = _NO_RETURN
+        for beam in range(index * together, min((index + 1) * together, count)):
+            least = min(least, ranges[beam] if ranges[beam] < geometry.range_max else _NO_RETURN)
+        now.ranges[index] = int(1000.0 * least + 0.5)

@@ -46,7 +46,8 @@ def test_the_velocity_of_what_moves_is_that_of_the_closed_form(velocity, thing, 
 
 def test_what_crosses_slowly_is_found_from_a_fast_car():
     """Odometry that errs shifts a box ahead towards the car, and not aside: 0.1 m of motion aside is enough."""
-    _, known = watched(lambda time: (WALLS + box(13.0, -0.6 + 0.4 * time), ()), 48, speed=8.0)
+    end = ((25.0, -1.4), (25.0, 1.4))  # in view: beams without a return prove nothing that far away
+    _, known = watched(lambda time: ((*WALLS, end, *box(13.0, -0.6 + 0.4 * time)), ()), 48, speed=8.0)
     assert known is not None
     assert known * PERIOD < 0.7  # it is near enough to be tracked after 0.1 s
 
@@ -69,6 +70,24 @@ def test_what_stands_stands_with_noise_and_odometry_that_drifts(speed, yaw_rate)
         noise = np.random.default_rng(seed)
         _, known = watched(lambda _: things, 60, speed, yaw_rate, drift=0.05, noise=noise)
         assert known is None
+
+
+@each("yaw_rate", (0.0, 0.5, -0.8))
+@each(("start", "acceleration", "drift"), ((3.0, 7.0, 0.05), (8.0, -7.0, -0.05), (7.0, -6.0, -0.05)))
+def test_what_stands_stands_beside_a_car_whose_wheels_slip_as_it_turns(start, acceleration, drift, yaw_rate):
+    """Wheels that slip by 0.008 of the speed for each m/s^2 err besides the odometry's own drift."""
+    ends = (((3.0, -0.8), (3.0, -1.4)), ((5.0, 0.7), (7.0, 1.4)))
+    for things in (box(3.0, -0.8), box(4.0, 0.9, 0.5), box(5.0, 1.1), box(9.0, -0.3), ends):
+        memory, x, y, heading = np.zeros(1, TARGETS)[0], 0.0, 0.0, 0.0
+        for tick in range(48):
+            speed = max(start + acceleration * tick * PERIOD, 1.0)
+            gained = acceleration if speed > 1.0 else 0.0
+            told = odometry_row(speed * (1.0 + drift) * (1.0 + 0.008 * gained), yaw_rate * (1.0 + drift))
+            ranges = ranges_of(WALLS + things, x=x + CAR.lidar_offset * math.cos(heading),
+                               y=y + CAR.lidar_offset * math.sin(heading), heading=heading)  # fmt: skip
+            assert track_targets(memory, GEOMETRY, ranges, told, CAR.lidar_offset, 0.0) == 0
+            way, towards = (speed + 0.5 * gained * PERIOD) * PERIOD, heading + 0.5 * yaw_rate * PERIOD
+            x, y, heading = x + way * math.cos(towards), y + way * math.sin(towards), heading + yaw_rate * PERIOD
 
 
 def test_odometry_that_turns_faster_in_each_tick_does_not_make_things_move():
