@@ -11,7 +11,7 @@
    braking takes nothing of the cornering. Known ground counts as free although it is not in sight, so neither the speed
    law of sight nor the safety filter applies.
 5. Something new. Where a beam ends on the line, the car brakes to stop before it. Near to it, the planner drives again.
-6. Something that moves. The planner drives until the car has come `_STILL` without seeing anything that moves.
+6. Something that moves. The planner drives until the car has driven two laps without seeing anything that moves.
 
 Source of the rounds of the line's shaping: A. Heilmeier et al., Minimum curvature trajectory planning and control for
 an autonomous race car, Vehicle System Dynamics 58(10), 2020.
@@ -76,7 +76,7 @@ _CLEAR = 0.05  # [m] to each side of the car, within which the end of a beam on 
 _BEAMS_A_POINT = 24  # that are looked at for each point, at most
 _STOPS_BEFORE = 1.0  # [m] between the rear axle and something new at which the car stands
 _PLANNER_DRIVES = 5.0  # [m] after something new was within twice that
-_STILL = math.inf  # [m] that the car drives without seeing anything that moves, before it follows the line
+_STILL_LAPS = 2.0  # without anything that moves, after which the line is followed again
 
 AWAY, NEAR, ON = range(3)
 """Where the car is: the planner drives, the car is led to the line, or it follows the line."""
@@ -98,8 +98,8 @@ LINE = np.dtype(
 )
 """Type of a line, and of what is kept of it from tick to tick; zero at the beginning."""
 
-REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE), ("among", np.float64)])
-"""Type of all that is remembered of the first lap; `among`: way [m] that is left to drive among moving things."""
+REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE), ("moved", np.bool_), ("still", np.float64)])
+"""Type of all that is remembered: of the first lap, whether anything has moved, and the way [m] since."""
 
 
 class LineProposal(NamedTuple):
@@ -220,7 +220,9 @@ def propose_line(remembered: Record, odometry: Record, limiter: Record) -> LineP
     lap, line, now, car = remembered.lap, remembered.line, odometry.speed, limiter.car
     follows, line.follows = line.follows, False
     none = LineProposal(AWAY, np.empty((0, 4)), 0.0, 0.0, 0.0, 0.0)
-    if not (lap.closed and line.ready) or line.refused or remembered.among > 0.0 or lap.driven < line.until:
+    if not (lap.closed and line.ready) or line.refused or lap.driven < line.until:
+        return none
+    if remembered.moved and remembered.still < _STILL_LAPS * line.count * line.spacing:
         return none
     if (limiter.slip.needs_slip_angle and line.trial.state != HOLDS) or not math.isfinite(now):
         return none
@@ -332,10 +334,10 @@ def _sees_way(ahead: float, left: float, geometry: Record, ranges: FloatArray, c
 def _remember(tick: Tick) -> None:
     """Keep the lap, and decide while the car is on its line."""
     state, odometry, limiter, predictions = tick.state, tick.odometry, tick.driver.limiter, tick.memory.predictions
+    if math.isfinite(odometry.speed):
+        state.still += abs(odometry.speed) * period_of(tick.geometry)
     if predictions.count > 0:
-        state.among = _STILL
-    elif state.among > 0.0:
-        state.among -= abs(odometry.speed) * period_of(tick.geometry)
+        state.moved, state.still = True, 0.0
     keep_lap(state, tick.geometry, tick.ranges_without_cars, odometry, tick.driver)
     if tick.record.decided or (tick.memory.guidance.follows and not state.line.follows):
         return

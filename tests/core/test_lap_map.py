@@ -162,7 +162,7 @@ def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     assert aside == pytest.approx(0.1, abs=5e-4)
 
 
-def test_a_car_on_its_line_is_proposed_to_follow_it_and_beside_a_mover_not():
+def test_a_car_on_its_line_is_proposed_to_follow_it_and_within_two_laps_of_a_mover_not():
     remembered, limiter = line_of_ring(), LIMITER.record[0]
     line, lap, motion = remembered["line"], remembered["lap"], odometry()
     ahead = np.diff(line["points"][:2], axis=0)[0]
@@ -174,8 +174,10 @@ def test_a_car_on_its_line_is_proposed_to_follow_it_and_beside_a_mover_not():
     assert proposal.state == ON and np.abs(proposal.points[0, :2]).max() < 0.5 and proposal.speed > 2.0
     assert proposal.turn_in_use > limiter["settings"]["turn_in_use"]
     assert speed_held_back(remembered, proposal, GEOMETRY, scan_at(RING, 0.0), 1.0, limiter) > 0.0
-    remembered["among"] = 5.0
+    remembered["moved"], remembered["still"] = True, 5.0
     assert propose_line(remembered, motion, limiter).state == AWAY and not line["follows"]
+    remembered["still"] = 100.0
+    assert propose_line(remembered, motion, limiter).state == ON
 
 
 @each("away", [3.0, None])
