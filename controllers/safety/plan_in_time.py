@@ -11,8 +11,7 @@ near a target motions of some 3 s are tried, and the best one is driven for one 
    it was seen to turn back twice. A motion is free if it touches none of them, and ends where none comes by: a stop in
    the lane of something that crosses is no end. Motions that only use up the margins come next, then those that touch
    something latest and slowest.
-4. What has not been seen to turn at both ends may turn at any time. Motions on which the car could still go on or brake
-   then are preferred, for 3 s of waiting at most. After that the margins of what is known to turn get less.
+4. A car that has waited for 3 s and more takes less of the margins of what is known to turn.
 5. Of free motions the one wins that comes farthest in 2 s, with room beside targets and without turning the wheels to
    and fro. As it is chosen from few, the car has to be able to stop before what stands after the next tick, by the
    simulated stops of the safety filter. If no motion passes, the car brakes as that filter does.
@@ -42,7 +41,7 @@ from ..control.planner_settings import Record
 from ..control.slip import lock_arc
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, bearing_of_arc
-from .predictions import COS, FROM_WALL, RADIUS, SEEN, SIN, SPEED, TO_WALL, TURNS, X, Y, occupied, occupied_if_it_turns
+from .predictions import COS, FROM_WALL, RADIUS, SEEN, SIN, SPEED, TO_WALL, TURNS, X, Y, occupied
 from .rollout import FREE, Plan, Situation, among_standing, reading_towards, simulate
 
 NO_PLAN, DRIVES, BACKS_OFF = range(3)
@@ -63,13 +62,11 @@ _ARRIVED = 0.5  # [m]
 _MARGIN, _WIDENED = 0.02, 0.02  # [m] besides those of targets, and round the car
 _USED = 0.08  # [m] of all margins that a motion may use up where none is free
 _BOLD_AFTER, _BOLD = 3.0, 0.06  # [s] of waiting, and of that again until margins of what is known are less by [m]
-_SOON = 1.2  # [s] for which a motion has to be free of one that turns at once
 _PASSING = 3.0  # [m/s] past a target, and faster past one that drives ahead
 _SLOWING = 0.5  # of the greatest braking, on the way to a target
 _LANE, _CROSSES = 0.3, 0.7  # [m] beside the lane of one that crosses; greatest cosine of its course
 _WAIT, _WAITS = 4, 3  # steps for which a car that has stopped should not be met, so many times
-_GOES_ON, _TURNS_AT_ONCE, _KEPT = 4.0, 6.0, 0.3  # worth [m] of 1 m of room, of 4 above, and of the last plan
-_PATIENCE = 2.0  # [m/s] by which the second gets less as the car waits
+_GOES_ON, _KEPT = 4.0, 0.3  # worth [m] of 1 m of room, and of the last plan
 _PASSED, _ROOM, _ROOM_WAITING = 2.0, 0.6, 0.1  # [m] of way from which on a motion passes; room that counts
 _STEERS, _GOES_ASIDE = 3.0, 0.2  # [m/rad], [-]: cost of turning the wheels, and of a place's way aside
 _TOUCHES, _TIGHT, _PER_METRE = -1000.0, -20.0, 100.0  # score of motions that touch, or use up margins
@@ -86,7 +83,6 @@ _PROFILES = (
     (0.5, 0.6, 0.0, 0.0), (0.5, 1.2, 0.0, 0.0), (0.15, 0.5, 0.0, 0.0),
     (0.0, 0.3, 1.0, 0.8), (0.0, 0.6, 1.0, 0.8), (0.5, 0.5, 1.0, 0.8), (0.2, 1.0, 1.0, 0.8),
 )  # fmt: skip
-_REACTS = 0.2  # [s] for which a profile is followed before the car brakes for one that turned
 
 PLAN_IN_TIME = np.dtype(
     [
@@ -119,7 +115,7 @@ class Among(NamedTuple):
     onwards: float  # [m/s] at which the car would go on
     room: float  # [m] of way to where the car may only pass
     servo: float  # share of the limiter's rate of turning with which the wheels turn
-    spans: FloatArray  # of targets (m, k, 4) [m], see `_spans`
+    spans: FloatArray  # of targets (m, k, 2) [m], see `_spans`
     reaches: FloatArray  # of targets (k,) [m], see `_reaches`
 
 
@@ -150,7 +146,7 @@ def plan_in_time(
     bold = min(max(plan.waited - _BOLD_AFTER, 0.0) / _BOLD_AFTER, 1.0)
     among, far = _look_among(here, goal, onwards, bold)
     scores, places = np.full((_PATHS + 1, len(_PROFILES)), -math.inf), np.empty((_PATHS + 1, 2))
-    path, cautious, longest = np.zeros((_POINTS, 6)), max(_TURNS_AT_ONCE - _PATIENCE * plan.waited, 0.0), 0
+    path, longest = np.zeros((_POINTS, 6)), 0
     for number in range(_PATHS + 1):
         if 0 < number < _PLACES and (number + plan.tick) % parts != 0:
             continue
@@ -161,7 +157,7 @@ def plan_in_time(
         cost = _STEERS * abs(_steering_to(here.limiter.car, x, y) - here.angle) + _GOES_ASIDE * aside
         free = _lay(among, x, y, path)
         longest = max(longest, free)
-        _judge(among, path, free, cost, cautious, scores[number])
+        _judge(among, path, free, cost, scores[number])
         if number == _PATHS:
             scores[number] += _KEPT
     walled = longest < _WALLED and plan.waited > _WAITS_BEFORE_WALL
@@ -273,12 +269,11 @@ def _reaches(car: Record, rows: FloatArray, bold: float) -> FloatArray:
 
 @kernel
 def _spans(rows: FloatArray, bold: float) -> FloatArray:
-    """Return for each step and target (m, k, 4) the interval on its line [m], and that if it turns back at once."""
-    spans = np.empty((_STEPS + _WAIT * _WAITS + 1, len(rows), 4))
+    """Return for each step and target (m, k, 2) the interval on its line [m]."""
+    spans = np.empty((_STEPS + _WAIT * _WAITS + 1, len(rows), 2))
     for step in range(len(spans)):
         for k in range(len(rows)):
             spans[step, k, 0], spans[step, k, 1] = occupied(rows[k], step * _STEP, bold)
-            spans[step, k, 2], spans[step, k, 3] = occupied_if_it_turns(rows[k], step * _STEP, bold)
     return spans
 
 
@@ -342,50 +337,34 @@ def _is_free(here: Situation, x: float, y: float, cos: float, sin: float) -> boo
 
 
 @kernel
-def _judge(among: Among, path: FloatArray, free: int, cost: float, cautious: float, scores: FloatArray) -> None:
-    """Write the scores (p,) [m] of all profiles on a path.
-
-    `free` is how many of its points are, `cost` what it costs by itself [m], and `cautious` what it is worth if
-    targets may turn at once [m].
-    """
-    in_time, last = math.inf, -1.0
+def _judge(among: Among, path: FloatArray, free: int, cost: float, scores: FloatArray) -> None:
+    """Write the scores (p,) [m] of all profiles on a path; `free` is how many of its points are, `cost` its own [m]."""
     for k in range(len(_PROFILES)):
-        profile = _PROFILES[k]
-        gap, way, turns = _try(among, path, free, profile, True)
-        if k == 0:
-            in_time = turns
-        elif profile[0] != last:
-            last = profile[0]
-            _, _, in_time = _try(among, path, free, (last, _REACTS, 0.0, 0.0), False)
-        score = gap
+        gap, way = _try(among, path, free, _PROFILES[k])
+        scores[k] = gap
         if gap >= 0.0:
-            score = way - cost + _GOES_ON * min(gap, _ROOM if way > _PASSED else _ROOM_WAITING)
+            scores[k] = way - cost + _GOES_ON * min(gap, _ROOM if way > _PASSED else _ROOM_WAITING)
         elif gap > 0.1 * _TOUCHES:
-            score = way - cost + _PER_METRE * gap + _TIGHT
-        scores[k] = score + cautious * min(max(turns, in_time) / _SOON, 1.0)
+            scores[k] = way - cost + _PER_METRE * gap + _TIGHT
 
 
 @kernel
 def _try(
-    among: Among, path: FloatArray, free: int, profile: tuple[float, float, float, float], goes_on: bool
-) -> tuple[float, float, float]:
-    """Return the room beside targets [m], the way in _SCORED [m], and when the car touches one that turns at once [s].
+    among: Among, path: FloatArray, free: int, profile: tuple[float, float, float, float]
+) -> tuple[float, float]:
+    """Return the room beside targets [m] and the way in _SCORED [m].
 
-    Instead of the first, of a motion that touches something: _TOUCHES and more, the later and the slower it does. The
-    third is inf where it touches none.
+    Instead of the first, of a motion that touches something: _TOUCHES and more, the later and the slower it does.
 
     Args:
       among: what motions have in common.
       path: (n, 6), as of `_lay`.
       free: how many of its points are.
       profile: one of _PROFILES.
-      goes_on: whether targets that go on are looked at, too.
     """
-    here, limiter, car, rows = among.here, among.here.limiter, among.here.limiter.car, among.here.movers
-    spans, reaches, speed, room = among.spans, among.reaches, here.speed, among.room
-    lidar, front = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width
-    way, scored, gap, turns = 0.0, 0.0, _ROOM, math.inf
-    slows = min(max(-here.memory.acceleration, 0.0), limiter.braking)
+    limiter, speed, room = among.here.limiter, among.here.speed, among.room
+    way, scored, gap = 0.0, 0.0, _ROOM
+    slows = min(max(-among.here.memory.acceleration, 0.0), limiter.braking)
     for step in range(1, _STEPS + 1):
         time, point = step * _STEP, min(int(way / _POINT), len(path) - 2)
         share = max(1.0 - speed * speed * abs(path[point, 4]) / limiter.lateral - path[point, 5], 0.1)
@@ -401,50 +380,66 @@ def _try(
         speed = after
         if time <= _SCORED:
             scored = way
-        part, touched = way / _POINT, _TOUCHES + time - 0.5 * speed
+        part = way / _POINT
         if part > len(path) - 2:
             break
+        touched = _TOUCHES + time - 0.5 * speed
         if part + 0.5 > free:
-            return (touched if goes_on else gap), scored, min(turns, time)
+            return touched, scored
         point = int(part)
         x = path[point, 0] + (part - point) * (path[point + 1, 0] - path[point, 0])
         y = path[point, 1] + (part - point) * (path[point + 1, 1] - path[point, 1])
-        cos, sin, stands = path[point, 2], path[point, 3], speed < 0.05
-        for k in range(len(rows)):
-            row, reach = rows[k], reaches[k]
-            at, beside = row[COS] * (x - row[X]) + row[SIN] * (y - row[Y]), row[COS] * (y - row[Y])
-            beside -= row[SIN] * (x - row[X])
-            on, aside = row[COS] * cos + row[SIN] * sin, row[COS] * sin - row[SIN] * cos
-            if abs(beside) > reach + _ROOM + front * abs(aside):  # none of the car's discs is near its line,
-                continue
-            first, last = min(spans[step, k, 0], spans[step, k, 2]), max(spans[step, k, 1], spans[step, k, 3])
-            if not stands and (at + front + reach + _ROOM < first or at - front - reach - _ROOM > last):  # or near it
-                continue
-            for offset in (front, lidar, 0.0):
-                along, across = at + offset * on, beside + offset * aside
-                if abs(across) > reach + _ROOM:
-                    continue
-                if goes_on:
-                    apart = _apart(spans[step, k, 0], spans[step, k, 1], along, across)
-                    if apart < (reach + gap) * (reach + gap):
-                        gap = math.sqrt(apart) - reach
-                        if gap < -_USED:
-                            return touched, scored, min(turns, time)
-                if turns == math.inf and _apart(spans[step, k, 2], spans[step, k, 3], along, across) < reach * reach:
-                    turns = time
-                if stands:
-                    lane = reach + (_LANE if abs(row[COS]) < _CROSSES else 0.0)
-                    if goes_on and abs(across) < lane and -row[FROM_WALL] - 0.2 < along < row[TO_WALL] + 0.2:
-                        return touched, scored, turns
-                    for wait in range(1, _WAITS + 1):
-                        later = spans[step + _WAIT * wait, k]
-                        if goes_on and _apart(later[0], later[1], along, across) < reach * reach:
-                            return _TOUCHES + time + 0.1 * wait, scored, turns
-                        if turns == math.inf and _apart(later[2], later[3], along, across) < reach * reach:
-                            turns = time + 0.1 * wait
-        if stands or (not goes_on and turns < math.inf):
-            break
-    return gap, scored, turns
+        gap = _room_beside(among, step, (x, y, path[point, 2], path[point, 3]), gap)
+        if gap < -_USED:
+            return touched, scored
+        if speed < 0.05:
+            met = _is_met(among, step, (x, y, path[point, 2], path[point, 3]))
+            return (gap, scored) if met == math.inf else (_TOUCHES + time + met, scored)
+    return gap, scored
+
+
+@kernel
+def _room_beside(among: Among, step: int, pose: tuple[float, float, float, float], gap: float) -> float:
+    """Return the least room [m] beside targets at a step, at most `gap`; `pose` is x, y, cosine and sine."""
+    x, y, cos, sin = pose
+    car, rows = among.here.limiter.car, among.here.movers
+    front = car.length - car.rear_overhang - 0.25 * car.width
+    for k in range(len(rows)):
+        row, reach, near, far = rows[k], among.reaches[k], among.spans[step, k, 0], among.spans[step, k, 1]
+        along, across = row[COS] * (x - row[X]) + row[SIN] * (y - row[Y]), row[COS] * (y - row[Y])
+        across -= row[SIN] * (x - row[X])
+        on, aside = row[COS] * cos + row[SIN] * sin, row[COS] * sin - row[SIN] * cos
+        if abs(across) > reach + _ROOM + front * abs(aside):  # none of the car's discs is near its line,
+            continue
+        if along + front + reach + _ROOM < near or along - front - reach - _ROOM > far:  # or near the target
+            continue
+        for offset in (front, car.lidar_offset, 0.0):
+            apart = _apart(near, far, along + offset * on, across + offset * aside)
+            if apart < (reach + gap) * (reach + gap):
+                gap = math.sqrt(apart) - reach
+    return gap
+
+
+@kernel
+def _is_met(among: Among, step: int, pose: tuple[float, float, float, float]) -> float:
+    """Return when a car that has stopped at a step is met [s], 0 in the lane of what crosses; inf: it is not."""
+    x, y, cos, sin = pose
+    car, rows = among.here.limiter.car, among.here.movers
+    for k in range(len(rows)):
+        row, reach = rows[k], among.reaches[k]
+        along, across = row[COS] * (x - row[X]) + row[SIN] * (y - row[Y]), row[COS] * (y - row[Y])
+        across -= row[SIN] * (x - row[X])
+        on, aside = row[COS] * cos + row[SIN] * sin, row[COS] * sin - row[SIN] * cos
+        lane = reach + (_LANE if abs(row[COS]) < _CROSSES else 0.0)
+        for offset in (car.length - car.rear_overhang - 0.25 * car.width, car.lidar_offset, 0.0):
+            at, off = along + offset * on, across + offset * aside
+            if abs(off) < lane and -row[FROM_WALL] - 0.2 < at < row[TO_WALL] + 0.2:
+                return 0.0
+            for wait in range(1, _WAITS + 1):
+                later = among.spans[step + _WAIT * wait, k]
+                if _apart(later[0], later[1], at, off) < reach * reach:
+                    return 0.1 * wait
+    return math.inf
 
 
 @kernel

@@ -236,16 +236,6 @@ def _drives(row: FloatArray) -> bool:
 
 
 @kernel
-def occupied_if_it_turns(row: FloatArray, time: float, bold: float) -> tuple[float, float]:
-    """Return the same of a target that turns back at once; a car or one that is known to turn elsewhere does not."""
-    if row[TURNS] >= 2.0 or _drives(row):
-        return occupied(row, time, bold)
-    spread = min(row[SPREAD], _MOST_SPREAD)
-    least = min((row[SPEED] - spread) * max(time - SEEN, 0.0), max(row[FROM_WALL] - 0.3, 0.0))
-    return -min((row[SPEED] + spread) * time, row[FROM_WALL]), 0.1 - least
-
-
-@kernel
 def along_arc(along: float, across: float, curvature: float) -> tuple[float, float]:
     """Return a place along and across an arc that begins in the direction of `along` [m]; curvature [1/m], not 0."""
     turned, off = curvature * along, 1.0 - curvature * across

@@ -9,7 +9,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.safety import plan_in_time as planned
 from fg_mujoco.controllers.safety.friction_limiter import EVASIVE, FrictionLimiter
-from fg_mujoco.controllers.safety.predictions import occupied, occupied_if_it_turns
+from fg_mujoco.controllers.safety.predictions import occupied
 from fg_mujoco.racing.planners import make_controller
 from moving_worlds import WALLS, box, ranges_of
 from scan_worlds import CAR, MU, odometry_of, scan_of, situation
@@ -50,12 +50,9 @@ def test_a_thing_is_between_slowing_down_and_going_on_and_turns_where_it_is_expe
     assert occupied(unknown, 1.0, 0.0) == pytest.approx((1.0 - 0.1 - 0.15, 1.0 + 0.1))  # two sigmas, .3 m/s^2
     assert occupied(known, 0.4, 0.0) == pytest.approx((0.38, 0.42))
     assert occupied(known, 1.0, 0.0) == pytest.approx((2 * 0.5 - 1.05, 0.5))
-    assert occupied_if_it_turns(known, 1.0, 0.0) == occupied(known, 1.0, 0.0)
     assert occupied(known, 0.4, 1.0) == pytest.approx((0.39, 0.41))  # the car has waited
-    near, far = occupied_if_it_turns(unknown, 1.15, 0.0)
-    assert (near, far) == pytest.approx((-1.05 * 1.15, 0.1 - 0.95))
     drives = target(3.0, 0.0, 2.0, 0.3, to_wall=1.0)  # a car, which follows the walls
-    assert occupied_if_it_turns(drives, 1.0, 0.0) == occupied(drives, 1.0, 0.0) == pytest.approx((0.9, 1.4))
+    assert occupied(drives, 1.0, 0.0) == pytest.approx((0.9, 1.4))
 
 
 @each("seed", range(12))
@@ -74,7 +71,7 @@ def test_motions_are_free_by_a_slow_check_of_discs_and_intervals(seed):
     assert free == 112
     front = CAR.length - CAR.rear_overhang
     for profile in planned._PROFILES:
-        gap, _, _ = planned._try(these, path, free, profile, True)
+        gap, _ = planned._try(these, path, free, profile)
         least = math.inf
         for time, x, y, cos, sin in driven(path, profile, now):
             near, far = occupied(row, time, 0.0)
@@ -138,7 +135,7 @@ def test_a_stop_in_the_lane_of_what_crosses_is_no_end_also_while_it_goes_away(sp
     here.memory["acceleration"] = -LIMITER["braking"]
     these = among(here, 9.0)
     free = planned._lay(these, 4.0, 0.0, path)
-    gap, _, _ = planned._try(these, path, free, (0.0, 0.0, 0.0, 0.0), True)
+    gap, _ = planned._try(these, path, free, (0.0, 0.0, 0.0, 0.0))
     *_, (_, x, _, _, _) = driven(path, (0.0, 0.0, 0.0, 0.0), speed)
     front = CAR.length - CAR.rear_overhang - 0.25 * CAR.width
     apart = min(abs(x + offset - 2.0) for offset in (front, CAR.lidar_offset, 0.0)) - these.reaches[0] - planned._LANE
