@@ -229,16 +229,35 @@ def _localise(lap: Record, geometry: Record, ranges: FloatArray, lidar_offset: f
 
 
 @kernel
-def _ends_of(lap: Record, index: int, geometry: Record, count: int, lidar_offset: float, ends: FloatArray) -> None:
-    """Write where the beams kept at a place ended (BEAMS, 2 or 3), of a scan of `count` beams; NaN beyond TOO_FAR."""
+def _directions(geometry: Record, count: int) -> FloatArray:
+    """Return cosine and sine of the bearings of the beams that are kept of a scan of `count` beams (BEAMS, 2)."""
+    directions = np.empty((BEAMS, 2))
+    for beam in range(BEAMS):
+        bearing = bearing_of(geometry, _beam_of(beam, count))
+        directions[beam, 0], directions[beam, 1] = math.cos(bearing), math.sin(bearing)
+    return directions
+
+
+@kernel
+def _ends_of(lap: Record, index: int, directions: FloatArray, lidar_offset: float, ends: FloatArray) -> None:
+    """Write where the beams kept at a place ended (BEAMS, 2 or 3); NaN beyond TOO_FAR."""
     heading = float(lap.places[index, 2])
-    x = lap.places[index, 0] + lidar_offset * math.cos(heading)
-    y = lap.places[index, 1] + lidar_offset * math.sin(heading)
+    cos, sin = math.cos(heading), math.sin(heading)
+    x, y = lap.places[index, 0] + lidar_offset * cos, lap.places[index, 1] + lidar_offset * sin
     for beam in range(BEAMS):
         kept = lap.ranges[index, beam] / _MOST
         distance = TOO_FAR * kept * kept if kept < 1.0 else math.nan
-        bearing = heading + bearing_of(geometry, _beam_of(beam, count))
-        ends[beam, 0], ends[beam, 1] = x + distance * math.cos(bearing), y + distance * math.sin(bearing)
+        ahead, left = distance * directions[beam, 0], distance * directions[beam, 1]
+        ends[beam, 0], ends[beam, 1] = x + cos * ahead - sin * left, y + sin * ahead + cos * left
+
+
+@kernel
+def ends_of(lap: Record, geometry: Record, count: int, lidar_offset: float) -> FloatArray:
+    """Return where the beams kept at each place ended, as `walls_of`, but without the side."""
+    ends, directions = np.zeros((lap.count, BEAMS, 3)), _directions(geometry, count)
+    for place in range(lap.count):
+        _ends_of(lap, place, directions, lidar_offset, ends[place])
+    return ends
 
 
 @kernel
@@ -247,12 +266,11 @@ def walls_of(lap: Record, geometry: Record, count: int, lidar_offset: float) -> 
 
     Shape (places, BEAMS, 3), x and y [m]; NaN for those that ended beyond TOO_FAR. A scan has `count` beams.
     """
-    walls = np.empty((lap.count, BEAMS, 3))
+    walls = ends_of(lap, geometry, count, lidar_offset)
     for place in range(lap.count):
         ends = walls[place]
-        _ends_of(lap, place, geometry, count, lidar_offset, ends)
         for beam in range(BEAMS):
-            least, ends[beam, 2] = math.inf, 0.0
+            least = math.inf
             for more in range(-_SIDE_BEHIND, _SIDE_AHEAD + 1):
                 other = lap.places[(place + more) % lap.count]
                 dx, dy = ends[beam, 0] - other[0], ends[beam, 1] - other[1]
@@ -279,7 +297,7 @@ def _matched(
     `pose` is where it was taken to be, x, y [m] and heading [rad]; `match` as of _MATCH.
     """
     ends = np.empty((BEAMS, 2))
-    _ends_of(lap, index, geometry, len(ranges), lidar_offset, ends)
+    _ends_of(lap, index, _directions(geometry, len(ranges)), lidar_offset, ends)
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
     lidar_x, lidar_y = x + lidar_offset * cos, y + lidar_offset * sin

@@ -6,6 +6,7 @@
 1. Shaping. The line begins as the path of the first lap. In each tick the room to both sides of its points is read off
    the recorded ends of beams, and the points are moved once within that room (line_optimizer).
 2. Trial. On tires that need slip angles, the line is followed only if the car's own simulated lap holds (lap_trial).
+   Else it is shaped again, farther from the walls, twice at most.
 3. Joining. NEAR the line the car is led towards a point of it further on, with all the protections of the planner.
 4. Following. ON the line the car steers along it (line_following). The limiter turns the wheels faster there, and
    braking takes nothing of the cornering. Known ground counts as free although it is not in sight, so neither the speed
@@ -38,14 +39,15 @@ from ..control.reasons import REMEMBERED_LINE, log_step
 from ..control.slip import lock_arc
 from ..control.stages import Stage, Tick
 from ..control.steering import arc_through, saturate
-from ..control.tracking import CURVATURE, X, Y, next_point
-from ..perception.lap_map import BEAMS, LAP_MAP, TOO_FAR, nearest_place, see_lap, walls_of
+from ..control.tracking import X, Y, next_point
+from ..perception.lap_map import BEAMS, LAP_MAP, TOO_FAR, ends_of, nearest_place, see_lap, walls_of
 from ..perception.scan_geometry import bearing_of, nearest_beam, period_of, sees
-from .lap_trial import HOLDS, TRIAL, TRYING, try_lap
+from .lap_trial import FAILS, HOLDS, TRIAL, TRYING, try_lap
 from .line_following import (
     LEAVES,
     OFF,
     curvature_at,
+    describe_line,
     line_ahead,
     position_on,
     reference_on,
@@ -61,8 +63,10 @@ if TYPE_CHECKING:
 
 POINTS = 2048  # of a line, at most
 _SPACING = 0.25  # [m] of them; greater where they would be more than POINTS
+_STEPS_A_TICK = 4  # of shaping: some 5 ms
 _SMOOTHED = 6  # times that the path is smoothed before the first step
-_MARGIN = 0.16  # [m] between the car's outline and walls
+_MARGIN, _MORE_MARGIN = 0.16, 0.05  # [m] between the car's outline and walls, and as much more after a failed trial
+_TRIALS = 3  # that a lap on the line may have
 _BEHIND, _AHEAD = 3, 5  # places whose beams are read for the room at a point
 _THROUGH = 0.6  # [m] by which the line may lead through a wall, before its points are moved
 _CUSP = 1.6  # spacings from the point before to the one after, below which the line turns back at a point
@@ -85,6 +89,7 @@ LINE = np.dtype(
     [
         ("step", np.int64),  # of line_optimizer.STEPS
         ("weight", np.float64),  # of that step
+        ("failed", np.int64),  # trials that failed
         ("ready", np.bool_),
         ("refused", np.bool_),  # it is too sharp, or there is none
         ("follows", np.bool_),  # the reference is that of the line
@@ -93,6 +98,7 @@ LINE = np.dtype(
         ("count", np.int64),  # of points
         ("spacing", np.float64),  # [m]
         ("points", np.float32, (POINTS, 2)),  # [m] evenly apart, once the line is ready
+        ("described", np.float32, (POINTS, 4)),  # heading [rad], curvature [1/m], RADIUS and DEMAND of line_following
         ("trial", TRIAL),  # of a lap on it, on soft tires
     ]
 )
@@ -127,13 +133,19 @@ def keep_lap(remembered: Record, geometry: Record, ranges: FloatArray, odometry:
     lap, line, limiter = remembered.lap, remembered.line, driver.limiter
     see_lap(lap, geometry, ranges, odometry, driver.car.lidar_offset)
     if not lap.closed:
-        line.step, line.ready, line.refused, line.follows, line.until = 0, False, False, False, 0.0
+        line.step, line.failed, line.ready, line.refused, line.follows, line.until = 0, 0, False, False, False, 0.0
         line.trial.begun, line.trial.state = False, TRYING
     elif not line.ready:
-        shape_line(line, lap, walls_of(lap, geometry, len(ranges), driver.car.lidar_offset), limiter, driver.max_speed)
-    elif limiter.slip.needs_slip_angle and line.trial.state == TRYING and not line.refused:
         walls = walls_of(lap, geometry, len(ranges), driver.car.lidar_offset)
-        try_lap(line, lap, walls, limiter, driver.max_speed, period_of(geometry))
+        for _ in range(_STEPS_A_TICK):
+            if not line.ready:
+                shape_line(line, lap, walls, limiter, driver.max_speed)
+    elif limiter.slip.needs_slip_angle and line.trial.state == TRYING and not line.refused:
+        walls = ends_of(lap, geometry, len(ranges), driver.car.lidar_offset)
+        state = try_lap(line, lap, walls, limiter, driver.max_speed, period_of(geometry))
+        if state == FAILS and line.failed < _TRIALS - 1:  # once more, farther from the walls
+            line.failed += 1
+            line.step, line.ready, line.trial.begun, line.trial.state = 0, False, False, TRYING
 
 
 @kernel
@@ -157,7 +169,8 @@ def shape_line(line: Record, lap: Record, walls: FloatArray, limiter: Record, ma
     points, most = begin_step(places, line.step, max(_SPACING, length_of(places) / POINTS))
     normals = normals_of(points)
     low, high = np.full(len(points), -most), np.full(len(points), most)
-    _read_room(lap, walls, points, normals, limiter.car, low, high)
+    margin = _MARGIN + _MORE_MARGIN * line.failed
+    _read_room(lap, walls, points, normals, limiter.car, margin, low, high)
     cornering, braking = uses_on(limiter)
     grip = limited_grip(limiter, max_speed, (cornering, braking, 1.0), turning_use(limiter))
     line.step, line.weight = improve(points, normals, (low, high), line.step, line.weight, grip)
@@ -169,12 +182,12 @@ def shape_line(line: Record, lap: Record, walls: FloatArray, limiter: Record, ma
 
 @kernel
 def _read_room(
-    lap: Record, walls: FloatArray, points: FloatArray, normals: FloatArray, car: Record, low: FloatArray,
-    high: FloatArray,
+    lap: Record, walls: FloatArray, points: FloatArray, normals: FloatArray, car: Record, margin: float,
+    low: FloatArray, high: FloatArray,
 ) -> None:  # fmt: skip
-    """Lower the room of each point to where the walls leave the car's rectangle and a margin."""
-    half, at = 0.5 * car.width + _MARGIN, 0
-    tail, nose = -car.rear_overhang - _MARGIN, car.length - car.rear_overhang + _MARGIN
+    """Lower the room of each point to where the walls leave the car's rectangle and a margin [m]."""
+    half, at = 0.5 * car.width + margin, 0
+    tail, nose = -car.rear_overhang - margin, car.length - car.rear_overhang + margin
     for k in range(len(points)):
         x, y, normal_x, normal_y = points[k, 0], points[k, 1], normals[k, 0], normals[k, 1]
         at, _ = nearest_place(lap, at, x, y, math.nan)
@@ -198,13 +211,14 @@ def _finish(line: Record, limiter: Record) -> None:
     for k in range(count):
         length += math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
     line.spacing, line.ready, line.next = length / count, True, 0
+    describe_line(line, limiter)
     if math.isnan(line.weight):
         line.refused = True
     tightest = _TOO_SHARP * math.tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase
     for k in range(count):
         before, after = points[k - 1], points[k + 1 if k + 1 < count else 0]
         cusp = math.hypot(after[0] - before[0], after[1] - before[1]) < _CUSP * line.spacing
-        if cusp or abs(line_ahead(line, k + 1, 0.0, 0.0, 0.0, limiter)[0, CURVATURE]) > tightest:
+        if cusp or abs(line.described[k, 1]) > tightest:
             line.refused = True
 
 
@@ -228,7 +242,7 @@ def propose_line(remembered: Record, odometry: Record, limiter: Record) -> LineP
         return none
     if not follows:
         line.next = _nearest(line.points[: line.count], lap.x, lap.y)
-    window, spacing = line_ahead(line, line.next, lap.x, lap.y, lap.heading, limiter), line.spacing
+    window, spacing = line_ahead(line, line.next, lap.x, lap.y, lap.heading), line.spacing
     point = next_point(window, 1, 0.0, 0.0, 0.0)
     line.next = (line.next + point - 1) % line.count
     along, aside, turned = position_on(window, point, spacing)

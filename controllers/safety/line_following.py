@@ -1,6 +1,6 @@
 """A car on a line: what lies ahead, where the car is there, how it is steered, and how fast it may go.
 
-    window = line_ahead(line, first, x, y, heading, limiter)
+    window = line_ahead(line, first, x, y, heading)
     position, aside, turned = position_on(window, point, line.spacing)
     steering_angle, speed, _ = reference_on(window, position, aside, turned, line.spacing, limiter, now, True)
 
@@ -23,6 +23,7 @@ from ..control.slip import lock_arc
 from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y
 from .friction_limiter import longitudinal_share, stable_share
+from .line_optimizer import average
 
 RADIUS = 4  # column of a window after those of control.tracking: the greatest speed squared over `lateral` [m]
 DEMAND = 5  # column: the acceleration that the tires hold while the car brakes, over the speed squared [1/m]
@@ -63,48 +64,54 @@ def turning_use(limiter: Record) -> float:
 
 
 @kernel
-def line_ahead(line: Record, first: int, x: float, y: float, heading: float, limiter: Record) -> FloatArray:
-    """Return the points of a closed line from the one before `first` on, in the frame of a car. Shape (64, 6).
-
-    Columns: x and y [m], heading [rad], curvature [1/m], RADIUS and DEMAND.
-
-    Args:
-      line: with its `points` (n, 2) [m], of which `count` are used, `spacing` [m] apart.
-      first: index of the point.
-      x: of the rear axle [m], in the frame of the points.
-      y: of the rear axle [m].
-      heading: of the car [rad].
-      limiter: of type LIMITER.
-    """
-    points, n, spacing = line.points, line.count, line.spacing
-    cos, sin = math.cos(heading), math.sin(heading)
-    window, bends = np.empty((_POINTS, 6)), np.empty(_POINTS + 4)
-    for k in range(_POINTS + 4):  # the curvature is averaged over three, and its change is that over two of these
-        at = (first - 3 + k) % n
-        before, after = points[at - 1 if at > 0 else n - 1], points[at + 1 if at + 1 < n else 0]
-        here_x, here_y = float(points[at, 0]), float(points[at, 1])
-        to_x, to_y, on_x, on_y = here_x - before[0], here_y - before[1], after[0] - here_x, after[1] - here_y
-        dx, dy = to_x + on_x, to_y + on_y
+def describe_line(line: Record, limiter: Record) -> None:
+    """Write heading, curvature, RADIUS and DEMAND of each point of a closed line, of type lap_raceline.LINE."""
+    points, n, spacing, described = line.points, line.count, line.spacing, line.described
+    bends, share, lateral_use = np.empty(n), turning_use(limiter), uses_on(limiter)[0]
+    for k in range(n):
+        before, here, after = points[k - 1 if k > 0 else n - 1], points[k], points[k + 1 if k + 1 < n else 0]
+        to_x, to_y, on_x, on_y = here[0] - before[0], here[1] - before[1], after[0] - here[0], after[1] - here[1]
+        dx, dy = float(to_x + on_x), float(to_y + on_y)
         bends[k] = (to_x * on_y - to_y * on_x) / (spacing * spacing * 0.5 * max(math.hypot(dx, dy), 1e-9))
-        if 2 <= k < _POINTS + 2:
-            row = window[k - 2]
-            row[X], row[Y] = cos * (here_x - x) + sin * (here_y - y), cos * (here_y - y) - sin * (here_x - x)
-            row[HEADING] = math.atan2(cos * dy - sin * dx, cos * dx + sin * dy)
-    for k in range(1, _POINTS + 3):
-        bends[k - 1] = 0.5 * bends[k] + 0.25 * (bends[k - 1] + bends[k + 1])
-    share, lateral_use = turning_use(limiter), uses_on(limiter)[0]
+        described[k, 0] = math.atan2(dy, dx)
+    average(bends)
     tightest = math.tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase
     rear_lag = limiter.car.yaw_inertia / (limiter.car.mass * limiter.car.front_axle_distance)
-    for k in range(_POINTS):
-        bend, change = bends[k + 1], (bends[k + 2] - bends[k]) / (2.0 * spacing)
-        window[k, CURVATURE] = bend
+    for k in range(n):
+        bend = bends[k]
+        change = (bends[k + 1 if k + 1 < n else 0] - bends[k - 1 if k > 0 else n - 1]) / (2.0 * spacing)
+        described[k, 1] = bend
         inwards, bend, change = bend * change > 0.0, abs(bend), abs(change)
         most = max(bend / lateral_use, limiter.yaw_lag * change / (share * limiter.settings.most_left))
         if inwards:  # the limiter turns the wheels in with a share of what cornering leaves
             most = max(most, limiter.yaw_lag * change / share + bend)
         near_lock = min(max((bend / tightest - _NEAR_LOCK) / (1.0 - _NEAR_LOCK), 0.0), 1.0)
-        window[k, RADIUS] = (1.0 - _SLOWER * near_lock) / max(most, 1e-3)
-        window[k, DEMAND] = bend + (limiter.yaw_lag if inwards else 2.0 * rear_lag) * change
+        described[k, 2] = (1.0 - _SLOWER * near_lock) / max(most, 1e-3)
+        described[k, 3] = bend + (limiter.yaw_lag if inwards else 2.0 * rear_lag) * change
+
+
+@kernel
+def line_ahead(line: Record, first: int, x: float, y: float, heading: float) -> FloatArray:
+    """Return the points of a closed line from the one before `first` on, in the frame of a car. Shape (64, 6).
+
+    Columns: x and y [m], heading [rad], curvature [1/m], RADIUS and DEMAND.
+
+    Args:
+      line: of type lap_raceline.LINE, see `describe_line`.
+      first: index of the point.
+      x: of the rear axle [m], in the frame of the points.
+      y: of the rear axle [m].
+      heading: of the car [rad].
+    """
+    window, cos, sin = np.empty((_POINTS, 6)), math.cos(heading), math.sin(heading)
+    for k in range(_POINTS):
+        row, at = window[k], (first - 1 + k) % line.count
+        dx, dy = line.points[at, 0] - x, line.points[at, 1] - y
+        row[X], row[Y] = cos * dx + sin * dy, cos * dy - sin * dx
+        turn = line.described[at, 0] - heading
+        row[HEADING] = turn - 2.0 * math.pi * round(turn / (2.0 * math.pi))
+        row[CURVATURE] = line.described[at, 1]
+        row[RADIUS], row[DEMAND] = line.described[at, 2], line.described[at, 3]
     return window
 
 
