@@ -54,7 +54,7 @@ _FINE = 8  # pieces of a step, by which a curve is measured
 # steps of least curvature: how far apart the points are, in spacings of the line, and how far each may move [m]
 _FLATTENED = ((4, 1.0), (4, 0.8), (4, 0.6), (2, 0.4), (2, 0.3), (1, 0.2), (1, 0.15))
 _MOST_MOVED = 0.3  # [m] of a point in a step of least time
-_ROUND = 16  # steps of least time, after which the points are spread evenly again
+_ROUND = 8  # steps of least time, after which the points are spread evenly again
 
 FLATTENED = len(_FLATTENED)
 """Steps of least curvature, which are the first ones."""
