@@ -54,6 +54,7 @@ from .reasons import (
     LOCK,
     MAXIMUM,
     MEAN_RANGE,
+    MOTION,
     MOVES,
     NO_PLAN,
     NO_REFERENCE,
@@ -203,6 +204,8 @@ def drive_filtered(tick: Tick) -> None:
     elif not found:
         slow = here.speed <= here.settings.crawl_speed and len(here.movers) == 0
         best.speed = min(speed, in_sight) if slow else 0.0
+    if best.why in (REFERENCE, STOP, MOTION):
+        best.steering_angle = reference.steering_angle  # beyond the lock, the limiter slows the car for it
     _actuate(tick, SAFETY_FILTER, best)
 
 
