@@ -285,10 +285,16 @@ FAULTS = {
         tests="test_predictions.py",
     ),
     "a simulated stop compared with where targets are now": Fault(
-        file="controllers/safety/safety_filter.py",
-        old="if meets(predictions, ahead, left, apart, time):",
-        new="if meets(predictions, ahead, left, apart, 0.0):",
+        file="controllers/safety/rollout.py",
+        old="apart, time + WAIT * wait):",
+        new="apart, WAIT * wait):",
         tests="test_predictions.py",
+    ),
+    "a judge that takes its last proposal, not the one that meets something slowest": Fault(
+        file="controllers/safety/judge.py",
+        old="if met.speed < best.contact:",
+        new="if met.speed < math.inf:",
+        tests="test_judge.py",
     ),
     "a braking distance in the speed, not in its square": Fault(
         file="controllers/safety/guidance.py",
