@@ -135,7 +135,8 @@ def test_along_a_path_ground_that_was_seen_counts_as_free_where_a_corner_hides_i
 
 
 def test_where_no_way_is_free_the_slowest_contact_is_taken():
-    best, proposals = judged(np.full(BEAMS, 0.6))
+    ranges = np.where(math.radians(-5.0) > BEARINGS, 0.5, 0.8)
+    best, proposals = judged(ranges, angle=-0.3, speed=2.0)  # the wheels lead to the nearer wall
     tried = proposals[~np.isnan(proposals[:, 1]), 2]
     assert best["contact"] == tried.min() > 0.0 and 0.0 <= best["use"] <= 1.0
 
