@@ -54,6 +54,7 @@ from .local_map import (
     BEFORE,
     CELL,
     COS,
+    KIND,
     LEFT,
     LOCAL_MAP,
     PATH,
@@ -63,6 +64,7 @@ from .local_map import (
     SIGHT,
     SIN,
     SIZE,
+    WALL,
     cut_path,
     enter_scan,
     extend_path,
@@ -89,6 +91,7 @@ _ATTEMPTS = (
     (4.0, _CLOSED, NEAR_WALL),
     (6.0, _CLOSED, NEAR_WALL),
 )  # [m] from the end of the path: where it begins to be closed, and where it ends; bits of cells that are impassable
+_WIDEST = 3.0  # [m] of a line across open ground, to either side
 _POCKET = 6.0  # [m] deepest pocket that the car leaves again
 _LEAST_FRONTIER = 5  # cells
 _LEAST_FRONTIER_BACK = 10  # cells, where the car has to leave a pocket for it
@@ -307,7 +310,7 @@ def _find_on_lap(memory: Record, ground: _Ground) -> int:
         ahead = min(lap - left, _AHEAD_ON_LAP)
         if ahead <= 0.0:
             break
-        _spread(world, ground, _OPENED, lap - ahead - _APART, AT_WALL | HOLE)
+        _spread(world, ground, _OPENED, lap - ahead - _APART, False, AT_WALL | HOLE)
         index = a_lap_ago
         while index != world.newest and world.path[index, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
             index = (index + 1) % PATH
@@ -326,10 +329,15 @@ def _find_ahead(memory: Record, ground: _Ground) -> tuple[int, bool, int]:
     Returns:
       How many cells; whether they are the far side of the closed path; and the bits of cells that are impassable.
     """
-    world, impassable = memory.map, AT_WALL | HOLE
+    world, impassable, open_ground = memory.map, AT_WALL | HOLE, False
     for attempt in range(len(_ATTEMPTS)):
         opened, closed, impassable = _ATTEMPTS[attempt]
-        reached, edges = _spread(world, ground, opened, closed, impassable)
+        if closed < _CLOSED and open_ground:
+            continue
+        reached, edges = _spread(world, ground, opened, closed, open_ground, impassable)
+        if attempt == 0 and _is_open_ground(world, ground.distance):
+            open_ground = True
+            reached, edges = _spread(world, ground, opened, closed, open_ground, impassable)
         if closed < _CLOSED:
             if _find_behind(memory, ground, reached):
                 return 1, True, impassable
@@ -344,10 +352,12 @@ def _find_ahead(memory: Record, ground: _Ground) -> tuple[int, bool, int]:
 
 
 @kernel
-def _spread(world: Record, ground: _Ground, opened: float, closed: float, impassable: int) -> tuple[int, int]:
+def _spread(
+    world: Record, ground: _Ground, opened: float, closed: float, open_ground: bool, impassable: int
+) -> tuple[int, int]:
     """Close the path from `opened` to `closed` [m], and spread distances from the car (`flood`)."""
     _open_path(ground.bits)
-    _close_path(world, ground.bits, opened, closed)
+    _close_path(world, ground.bits, opened, closed, open_ground)
     ground.distance[:] = FAR
     ground.distance[ground.queue[0]] = 0
     return flood(world, ground.bits, ground.distance, ground.queue, ground.edge, impassable)
@@ -386,10 +396,14 @@ def _lap_ago(world: Record) -> int:
         apart = math.sqrt(dx * dx + dy * dy)
         if point[ALONG] < BEFORE or (nearest < _SAME_PLACE < apart):  # two laps ago it was there, too
             break
-        turned = abs(world.heading - point[2]) - 2.0 * math.pi
-        if world.along - point[ALONG] > _LEAST_AGE and apart < nearest and abs(turned) < 0.65:
+        if world.along - point[ALONG] > _LEAST_AGE and apart < nearest and _is_a_turn(world.heading - point[2]):
             found, nearest = index, apart
     return found
+
+
+@kernel
+def _is_a_turn(angle: float) -> bool:
+    return bool(abs(abs(angle) - 2.0 * math.pi) < 0.65)
 
 
 @kernel
@@ -400,8 +414,11 @@ def _open_path(bits: NDArray[np.uint8]) -> None:
 
 
 @kernel
-def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: float) -> None:
-    """Block a line across the corridor at each point of the path from `opened` to `closed` [m] before its end."""
+def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: float, open_ground: bool) -> None:
+    """Block a line across the corridor at each point of the path from `opened` to `closed` [m] before its end.
+
+    On open ground the lines go on up to a wall, or _WIDEST to either side.
+    """
     until = world.along - opened
     if opened > _OPENED:
         until = max(until, world.furthest - _POCKET)
@@ -414,7 +431,7 @@ def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: f
             continue
         for side in (1, -1):
             room = world.path[index, LEFT if side == 1 else RIGHT]
-            steps = int(room / (0.5 * CELL)) + 1
+            steps = int((_WIDEST if open_ground else room) / (0.5 * CELL)) + 1
             first, last = _aside(x, y, sin, cos, 0.0), _aside(x, y, sin, cos, side * 0.5 * CELL * (steps - 1))
             whole = in_window(world, first[0], first[1]) and in_window(world, last[0], last[1])
             for step in range(steps):
@@ -422,6 +439,8 @@ def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: f
                 if not (whole or in_window(world, i, j)):
                     break
                 cell = (i & RING) * SIZE | j & RING
+                if open_ground and 0.5 * CELL * step > room and bits[cell] & (OPEN | UNSEEN) == 0:
+                    break
                 bits[cell] |= np.uint8(WAY_BACK)
                 bits[(cell + SIZE) & LAST] |= np.uint8(WAY_BACK)  # two cells, or a diagonal step passes it
 
@@ -436,6 +455,30 @@ def _path_point(world: Record, index: int) -> tuple[float, float, float, float]:
 def _aside(x: float, y: float, sin: float, cos: float, aside: float) -> tuple[int, int]:
     """Return column and row of the cell at a distance to the left of a point of the path [m]; see `_path_point`."""
     return math.floor((x - aside * sin) * PER_METRE), math.floor((y + aside * cos) * PER_METRE)
+
+
+@kernel
+def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
+    """Return whether the ground along the closed path is reached from the car at a third of its points, or more."""
+    points, passed = 0, 0
+    for back in range(world.known):
+        index = (world.newest - back) % PATH
+        age = world.along - world.path[index, ALONG]
+        if age > _CLOSED:
+            break
+        if age > 2.0:
+            points += 1
+            x, y, sin, cos = _path_point(world, index)
+            for side in (1, -1):
+                room = world.path[index, LEFT if side == 1 else RIGHT]
+                walled = False  # the ground behind a thin barrier is another lane
+                for cells in range(-1, 3):
+                    i, j = _aside(x, y, sin, cos, side * (room + cells * CELL))
+                    walled = walled or not in_window(world, i, j) or world.cells[i & RING, j & RING] & KIND == WALL
+                if not walled and distance[(i & RING) * SIZE | j & RING] != FAR:
+                    passed += 1
+                    break
+    return 3 * passed > points > 10
 
 
 @kernel
