@@ -212,11 +212,11 @@ class PlannerBatch:
         """Make the tables of all steps, and their calls."""
         batch = ArrayTable(BatchArrays._fields, self._arrays)
         stages = [ArrayTable(STAGE_ARRAYS, {"batch": batch.rows} | own) for _, own in self._steps[1:]]
-        self._tables = [batch, *stages]
-        calls = [(kernel, table.address) for (kernel, _), table in zip(self._steps, self._tables, strict=True)]
+        tables = [batch, *stages]
+        calls = [(kernel, table.address) for (kernel, _), table in zip(self._steps, tables, strict=True)]
         # From the last on: another process may be compiling the same from the first on.
         found = [(kernel.address(address), address) for kernel, address in reversed(calls)]
-        self._calls = np.array(found[::-1], np.int64)
+        self._calls, self._tables = np.array(found[::-1], np.int64), tables  # neither where a kernel does not compile
 
 
 def _join(arrays: Sequence[NDArray[Any] | None], none: NDArray[Any]) -> tuple[NDArray[Any], list[int]]:

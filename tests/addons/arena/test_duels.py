@@ -82,9 +82,9 @@ def test_a_lane_uses_its_part_of_the_room_between_the_walls():
     assert start.s == pytest.approx(5.0, abs=0.3) and start.offset > 0.1
 
 
-@each("kind, tolerance", [("reactive", 0.02), ("centreline", 0.15)])
+@each("kind, tolerance", [("reactive", 0.03), ("centreline", 0.15)])
 def test_an_opponent_takes_the_longer_the_less_its_ratio(kind, tolerance, tmp_path):
-    """The gap finder takes the planner's line, if it is the planner; the centreline is longer than that line."""
+    """The gap finder takes the planner's line, but joins its raceline elsewhere; the centreline is longer."""
     setup = fg.Setup.of("oval", controller="gap_finder")
     track, context = closed_track(setup), setup.first.context(CAR, closed_track(setup).map_line)
     opponent = make_opponent(kind, track, pace(alone(setup)), 0.5, context, tmp_path)
