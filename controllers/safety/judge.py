@@ -151,17 +151,25 @@ def judge(here: Situation, wanted: Wanted, memory: Record) -> None:
 
 @kernel
 def brake_alone(here: Situation, wanted: Wanted, memory: Record) -> bool:
-    """Write a stop on the way of the reference, if nothing that stands is in it; return whether there is one.
+    """Take a stop on the way of the reference, if nothing that stands is in it; return whether there is one.
 
     Before another car the car brakes, and corners only as far as walls make it. `memory` is of type JUDGE.
     """
-    alone, proposals, best = without_movers(here), memory.proposals, memory.best
-    margin = here.settings.margin_kept * (here.settings.margin if len(wanted.path) == 0 else here.settings.margin_aside)
-    plan, best.contact = _plan(here, wanted.steering_angle, wanted.path, 0.0, margin), math.inf
+    alone, settings, found, path = without_movers(here), here.settings, memory.second, wanted.path
+    margin = settings.margin_kept * (settings.margin if len(path) == 0 else settings.margin_aside)
+    plan, found.contact = _plan(here, wanted.steering_angle, path, 0.0, margin), math.inf
     for uses in (_BRAKES_FIRST, _USES[:3]):
-        if _consider(alone, STOP, wanted.steering_angle, plan, uses, proposals, best):
+        if _consider(alone, STOP, wanted.steering_angle, plan, uses, memory.proposals, found):
+            _take(memory.best, found)
             return True
     return False
+
+
+@kernel
+def _take(best: Record, found: Record) -> None:
+    """Take another proposal for the best one."""
+    best.why, best.steering_angle, best.speed = found.why, found.steering_angle, found.speed
+    best.use, best.contact = found.use, found.contact
 
 
 @kernel
@@ -239,4 +247,4 @@ def _stay_near(here: Situation, wanted: Wanted, proposals: FloatArray, best: Rec
         plan = _plan(here, best.steering_angle, wanted.path, wanted.speed, settings.margin_kept * settings.margin)
         _consider(here, BESIDE, best.steering_angle, plan, _USES, proposals, found)
     if found.contact == 0.0:
-        best.why, best.steering_angle, best.speed, best.use = found.why, found.steering_angle, found.speed, found.use
+        _take(best, found)
