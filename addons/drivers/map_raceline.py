@@ -171,8 +171,8 @@ def room(
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far each point may move along its normal, from and to, within `most`, (n,) [m]."""
     low, high = np.empty(len(line)), np.empty(len(line))
-    half, tail, nose = 0.5 * car.width + margin, car.rear_overhang + margin, car.length - car.rear_overhang + margin
-    _room(line, normals, walls.points, walls.sides, walls.origin, walls.starts, half, tail, nose, most, low, high)
+    outline = 0.5 * car.width + margin, car.rear_overhang + margin, car.length - car.rear_overhang + margin
+    _room(line, normals, (walls.points, walls.sides, walls.origin, walls.starts), outline, most, low, high)
     return low, high
 
 
@@ -180,18 +180,18 @@ def room(
 def _room(
     line: FloatArray,
     normals: FloatArray,
-    points: FloatArray,
-    sides: FloatArray,
-    origin: FloatArray,
-    starts: NDArray[np.int64],
-    half: float,
-    tail: float,
-    nose: float,
+    walls: tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64]],
+    outline: tuple[float, float, float],
     most: float,
     low: FloatArray,
     high: FloatArray,
 ) -> None:
-    """Write the room of each point: between the wall points beside the car's rectangle, from its tail to its nose."""
+    """Write the room of each point: between the wall points beside the car's rectangle, from its tail to its nose.
+
+    `walls` are the arrays of Walls, `outline` half of the width, the tail and the nose with the margin [m].
+    """
+    points, sides, origin, starts = walls
+    half, tail, nose = outline
     columns, rows = starts.shape[0], starts.shape[1] - 1
     reach = math.hypot(max(tail, nose), half + most)
     for i in range(len(line)):

@@ -11,7 +11,7 @@ the same for all planners, as far as they have the stages (assist), each of whic
    tan|d|) of the reference's steering angle (speed).
 5. `sight`: the speed is lowered to one from which the car stops within what it sees (braking_trajectories), unless a
    motion through the local map says how fast the car may go.
-6. `safety_filter`: a reference after which the car could not stop is replaced by one after which it can.
+6. `safety_filter`: of all that is proposed, the first after which the car can stop is driven (safety.judge).
 7. `recovery`: a car that stands without a frontier reverses along its path.
 8. `limiter`: the friction limiter turns the result into a command that the tires can follow (friction_limiter).
 
@@ -218,7 +218,7 @@ def _look_round(tick: Tick) -> Situation:
     ranges = tick.ranges_without_movers if len(movers) > 0 else tick.ranges
     widened = widen_all(ranges, tick.geometry.angle_increment, table.radius)
     return Situation(
-        driver.limiter, memory.limiter, driver.filter_settings, tick.geometry, widened, float(table.radius), movers,
+        driver.limiter, memory.limiter, driver.judge_settings, tick.geometry, widened, float(table.radius), movers,
         memory.guidance.frontier, float(odometry.steering_angle), float(odometry.speed), period_of(tick.geometry),
     )  # fmt: skip
 

@@ -107,7 +107,7 @@ DRIVER = np.dtype(
         ("late", np.int64),  # ticks by which scans are older than the odometry
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
-        ("filter_settings", record_type(JudgeSettings)),
+        ("judge_settings", record_type(JudgeSettings)),
         ("recovery_settings", record_type(RecoverySettings)),
         ("guidance_settings", record_type(GuidanceSettings)),
         ("trajectories", np.int64),  # which table of braking trajectories is its own
@@ -174,7 +174,7 @@ def driver_record(
       late: ticks by which scans are older than the odometry; too many, and nothing is predicted.
     """
     row = np.zeros(1, DRIVER)
-    row["filter_settings"] = record_values(for_car(JudgeSettings(), car))
+    row["judge_settings"] = record_values(for_car(JudgeSettings(), car))
     row["guidance_settings"] = record_values(for_car(GuidanceSettings(), car))
     row["recovery_settings"] = record_values(for_car(RecoverySettings(), car))
     row["settings"] = settings[list(row["settings"].dtype.names or ())]

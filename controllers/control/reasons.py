@@ -47,7 +47,6 @@ _STEPS = (
 REASONS = (np.float64, (len(_STEPS), 2))
 """Type of what is kept of a decision: steering angle [rad] and speed [m/s] after each step; NaN: it did not apply."""
 
-
 REFERENCE, STOP, ASIDE, AS_IT_STANDS, BESIDE, MOTION, LAST_STOP = range(7)
 """Why something was proposed, see safety.judge."""
 
@@ -63,7 +62,6 @@ _WHY = (
 PROPOSALS = (np.float64, (len(_WHY), 5))
 """Type of what was proposed: the command's steering angle [rad] and speed [m/s] (NaN: it was not), the speed [m/s] at
 which the car would have met something, when [s], and what, see rollout. Of several with one name the best one."""
-
 
 _MET = ("nothing", "what stands", "what moves")
 

@@ -146,7 +146,7 @@ def judge(here: Situation, wanted: Wanted, memory: Record) -> None:
             if _consider(here, LAST_STOP, on_it, last, _BRAKING, proposals, best):
                 return
     if wanted.guided:  # it is free, as far as its search could tell
-        best.why, best.steering_angle, best.use = MOTION, angle, 1.0
+        best.why, best.steering_angle, best.use = REFERENCE, angle, 1.0
 
 
 @kernel

@@ -3,7 +3,7 @@
     here = Situation(...)
     met = simulate(here, plan, use, speed)  # of a Plan, with a share of the grip for cornering
 
-A plan holds its first speed for a time, and then brakes to a stop. It steers along a path, or to a goal. The car meets
+A plan commands its speed for a tick, and then brakes to a stop. It steers along a path, or to a goal. The car meets
 something where one of its discs comes near what stands (the widened scan, and ground of the local map that a corner
 hides) or near where something that moves may be at that time: `occupied`, which all proposals share.
 
@@ -60,10 +60,7 @@ class Situation(NamedTuple):
 @inlined
 def without_movers(here: Situation) -> Situation:
     """Return the situation without what moves."""
-    return Situation(
-        here.limiter, here.memory, here.settings, here.geometry, here.widened, here.radius, here.movers[:0],
-        here.ground, here.angle, here.speed, here.period,
-    )  # fmt: skip
+    return among_standing(here, here.angle)
 
 
 @inlined

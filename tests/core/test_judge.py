@@ -151,6 +151,13 @@ def test_where_no_way_is_free_the_slowest_contact_is_taken():
     assert best["contact"] == tried.min() > 0.0 and 0.0 <= best["use"] <= 1.0
 
 
+def test_where_no_way_is_free_a_guided_car_stays_on_its_motion_and_the_table_has_the_one_that_is_driven():
+    straight = np.column_stack((np.arange(0.2, 3.0, 0.2), np.zeros((14, 3))))
+    best, proposals = judged(np.full(BEAMS, 0.6), 0.05, path=straight, guided=True)
+    assert (best["steering_angle"], best["use"]) == (0.05, 1.0) and best["contact"] > 0.0
+    assert not np.isnan(proposals[best["why"], 1])
+
+
 @each("angle", [-0.4, -0.1, 0.0, 0.02, 0.3])
 def test_the_bearing_of_an_arc_is_what_pursuit_steers_for(angle):
     bearing = bearing_of_arc(angle, 1.0, CAR.lidar_offset, CAR.wheelbase)

@@ -163,7 +163,7 @@ def test_a_setting_that_is_given_is_taken_as_it_is():
     planner = GapFinder(TWICE_AS_LONG, MU, 8.0, GapFinderSettings(pursuit_distance=1.0))
     assert planner.settings.pursuit_distance == 1.0
     assert planner.settings.safe_distance == pytest.approx(0.4)
-    assert planner.driver["filter_settings"]["crawl_speed"][0] == pytest.approx(0.5 * math.sqrt(2.0))
+    assert planner.driver["judge_settings"]["crawl_speed"][0] == pytest.approx(0.5 * math.sqrt(2.0))
 
 
 @kernel
