@@ -26,7 +26,7 @@ import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.slip import arc_angle, slip_angle, steady_arc, steered, tightest_arc, velocity_angle
+from fg_mujoco.controllers.control.slip import arc_angle, slip_angle, steered, tightest_arc, velocity_angle
 from fg_mujoco.controllers.control.speed import friction_steering, share_of_way
 from fg_mujoco.controllers.control.stages import Stage, Tick
 from fg_mujoco.controllers.control.steering import late_by, saturate
@@ -173,7 +173,7 @@ def _look_ahead(
     In each step: the speed [m/s], by how much the line turns until the next [rad], its curvature [1/m] and the steering
     angle for it [rad], both within the lock, and how far the car may be to the right (negative) and to the left [m].
     """
-    car, slip, step = driver.car, driver.limiter.slip, line[0, STEP]
+    car, step = driver.car, line[0, STEP]
     x, y, heading, _ = begin
     along = direction_at(line, nearest)
     cos, sin = math.cos(along), math.sin(along)
@@ -201,7 +201,7 @@ def _look_ahead(
         ahead[k, _SPEED_AT], ahead[k, _CURVATURE] = speed, math.tan(angle) / car.wheelbase
         ahead[k, _RIGHT] = max(line[point, RIGHT], line[after, RIGHT])
         ahead[k, _LEFT] = min(line[point, LEFT], line[after, LEFT])
-        ahead[k, _ANGLE] = steady_arc(slip, car, angle, speed) if slip.needs_slip_angle else angle
+        ahead[k, _ANGLE] = angle
         target = line[next_point(line, point, 1), SPEED]
         reached = max(_SLOWEST, min(max(target, speed - braking * DT), speed + accelerating * DT))
         beyond += 0.5 * (speed + reached) * DT

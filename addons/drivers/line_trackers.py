@@ -5,14 +5,14 @@ speed. `lqr`: the curvature of the line as far ahead as the steering takes, and 
 = a, a' = u along the way. The one that is least for the integral of e^2 / L^4 + u^2 is u = -e / L^2 - sqrt(2) a / L; L
 grows with the speed and with how late the car answers. `map`: the arc through a goal on the line at the distance L asks
 for a lateral acceleration 2 v^2 sin(n) / L, n from the velocity of the rear axle to the goal. The steering angle for it
-is that of the steady curves of the car on its tires (slip.steady_arc), whose course differs from the heading by the
-rear slip angle. Where tires need no slip angles, this is pure pursuit that joins the line as the other trackers do.
+is that of the steady curves of the car on its tires (slip.steered), whose course differs from the heading by the rear
+slip angle. Where tires need no slip angles, this is pure pursuit that joins the line as the other trackers do.
 Sources: G. Hoffmann et al., Autonomous Automobile Trajectory Tracking for Off-Road Driving, ACC 2007, for Stanley; B.
 Anderson and J. Moore, Optimal Control: Linear Quadratic Methods, 1990, for the regulator of the double integrator; J.
 Becker et al., Model- and Acceleration-based Pursuit Controller for High-Performance Autonomous Racing, ICRA 2023, for
 `map`. There the angle is that from the heading, and the look-up is simulated.
-Limits: `stanley` and `lqr` are kinematic. What tires need is added afterwards, but only as far as any harder cornering
-needs it, too (slip.steered), and their angle to the line is the heading's.
+Limits: `stanley` and `lqr` are kinematic. What tires need is added afterwards (slip.steered), and their angle to the
+line is the heading's.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import math
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.slip import steady_arc, velocity_angle
+from fg_mujoco.controllers.control.slip import velocity_angle
 from fg_mujoco.controllers.control.stages import Stage, Tick
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.control.tracking import LAG
@@ -107,7 +107,7 @@ def map_steering(
     if not slip.needs_slip_angle:
         return pursue(bearing, distance, 0.0, car.wheelbase)
     direction = velocity_angle(slip, car, speed, speed * curvature_at(line, nearest))
-    return steady_arc(slip, car, pursue(bearing - direction, distance, 0.0, car.wheelbase), speed)
+    return pursue(bearing - direction, distance, 0.0, car.wheelbase)
 
 
 @kernel

@@ -10,10 +10,11 @@ and its rear axle moves outwards of its heading by the rear slip angle (T. Gille
 1992, chapter 6). With these two a planner for the kinematic car drives a real one:
 
 1. The arc's angle is made the steering angle of the command, and the measured one the angle of the arc (`steered`,
-   `arc_angle`). The lead is never more than what any harder cornering needs: an axle behind that needs more than the
-   one in front is left to the planner's feedback.
+   `arc_angle`). The lead is never negative: an axle behind that needs more than the one in front is left to the
+   planner's feedback.
 2. An arc is no tighter than the lock leaves, and no faster than the critical speed, at which an oversteering car turns
-   in by itself: b + v^2 / g d(lead)/d(a / g) = 0 (`tightest_arc`, `fastest_on`).
+   in by itself: b + v^2 / g d(lead)/d(a / g) = 0 (`tightest_arc`, `fastest_on`). Tighter ones would share their
+   steering angles with wider ones.
 3. Scan and yaw rate are taken in the velocity frame: its x axis is the direction in which the rear axle moves, not the
    heading (`to_velocity_frame`). Its speed is that over the ground: wheels that brake roll slower (`ground_speed`).
 4. The path follows the steering over a way of its own (`path_lag`), in all that is simulated.
@@ -61,7 +62,6 @@ SLIP = np.dtype(
         ("rear", _AXLE),
         ("most", np.float64),  # [-] greatest lateral acceleration over g that is looked at
         ("lead", np.float64, (_FORCES,)),  # [rad] by which to steer more than the arc's angle, from 0 to `most`
-        ("steady", np.float64, (_FORCES,)),  # [rad] by which in a steady curve, from the lead on
         ("top_speed", np.float64),  # [m/s] last of the speeds of `tightest`
         ("tightest", np.float64, (_SPEEDS,)),  # [rad] greatest angle of an arc, by speed
         ("stable", np.float64, (_USES, _STOPS)),  # [-] see `stable_braking`, by share of the grip and by speed
@@ -108,8 +108,7 @@ def slip_row(car: CarParameters, mu: float, lateral: float) -> NDArray[np.void]:
     slip["least_speed"] = math.sqrt(_LOCK_USE * lateral * car.wheelbase / math.tan(car.max_steering_angle))
     forces = np.linspace(0.0, most, _FORCES)
     needed = _slip_angles(slip["front"], forces) - _slip_angles(slip["rear"], forces)
-    slip["lead"] = np.maximum(np.minimum.accumulate(needed[::-1])[::-1], 0.0)
-    slip["steady"] = np.maximum(needed, slip["lead"])
+    slip["lead"] = np.maximum(needed, 0.0)
     gradient = np.minimum.accumulate(np.gradient(needed, forces))
     slip["top_speed"] = car.max_speed
     speeds = np.linspace(0.0, car.max_speed, _SPEEDS)
@@ -176,7 +175,9 @@ def _slip_angles(axle: np.void, force: FloatArray) -> FloatArray:
 @kernel
 def _lead(slip: Record, force: float) -> float:
     """Return by how much more than the arc's angle the car is steered [rad], at a lateral acceleration over g."""
-    return _read(slip.lead, force / slip.most)
+    position, table = min(force / slip.most, 1.0) * (_FORCES - 1), slip.lead
+    at = min(int(position), _FORCES - 2)
+    return float(table[at] + (position - at) * (table[at + 1] - table[at]))
 
 
 @kernel
@@ -229,14 +230,6 @@ def _axle_force(axle: Record, angle: float) -> float:
 
 
 @kernel
-def _read(table: FloatArray, share: float) -> float:
-    """Return a value of a table over the lateral acceleration, at a share of the greatest."""
-    position = min(share, 1.0) * (_FORCES - 1)
-    at = min(int(position), _FORCES - 2)
-    return float(table[at] + (position - at) * (table[at + 1] - table[at]))
-
-
-@kernel
 def steered(slip: Record, car: Record, angle: float, speed: float) -> float:
     """Return the steering angle [rad] with which a car at `speed` [m/s] runs on the arc of `angle` [rad]."""
     if angle == 0.0 or not math.isfinite(angle + speed):
@@ -247,24 +240,12 @@ def steered(slip: Record, car: Record, angle: float, speed: float) -> float:
 
 
 @kernel
-def steady_arc(slip: Record, car: Record, angle: float, speed: float) -> float:
-    """Return the angle [rad] to command in place of that of an arc, so that `steered` steers for a steady curve.
-
-    That is the look-up of the model- and acceleration-based pursuit. A car whose rear axle needs more than the one in
-    front would be steered less than the arc's angle, and by any error turn in by itself: it gets the arc's angle.
-    """
-    share = speed * speed * math.tan(abs(angle)) / (car.wheelbase * car.gravity * slip.most)
-    return angle + math.copysign(_read(slip.steady, share) - _read(slip.lead, share), angle)
-
-
-@kernel
 def arc_angle(slip: Record, car: Record, steering_angle: float, speed: float) -> float:
     """Return the angle [rad] of the arc on which a car at `speed` [m/s] runs in the end with a steering angle [rad]."""
     if steering_angle == 0.0 or not math.isfinite(steering_angle + speed):
         return steering_angle
-    size = _arc_within(
-        slip, abs(steering_angle), speed, car.max_steering_angle, car.wheelbase, car.gravity, slip.most
-    )  # fmt: skip
+    lock = min(tightest_arc(slip, speed), car.max_steering_angle)
+    size = _arc_within(slip, abs(steering_angle), speed, lock, car.wheelbase, car.gravity, slip.most)
     return math.copysign(size, steering_angle)
 
 

@@ -12,7 +12,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.drivers.line_trackers import lqr_feedback
 from fg_mujoco.addons.drivers.pure_pursuit import PurePursuit, PurePursuitSettings
-from fg_mujoco.controllers.control.slip import steady_arc, steered
+from fg_mujoco.controllers.control.slip import steered
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import MapLine
@@ -194,7 +194,7 @@ def test_the_look_up_steers_the_single_track_car_along_a_steady_curve(speed, cur
     limiter = FrictionLimiter(car, 1.0).record[0]
     slip, row = limiter["slip"], limiter["car"]
     arc = math.atan(car.wheelbase * curvature)
-    steering = steered(slip, row, steady_arc(slip, row, arc, speed), speed)
+    steering = steered(slip, row, arc, speed)
     if front > rear:
         assert steering == arc
         return
