@@ -39,12 +39,13 @@ from ..safety.guidance import (
     path_ahead,
     stop_ahead,
 )
-from ..safety.judge import Wanted, brake_alone, judge
+from ..safety.judge import Wanted, brake_alone, judge, take
+from ..safety.line_following import on_line
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
 from ..safety.recovery import angle_along_history, extend_history, reverses
 from ..safety.rollout import Situation, without_movers
-from .actuation import apply_limits, read_speedometer
+from .actuation import apply_limits, apply_limits_of, read_speedometer
 from .planner_settings import Record
 from .reasons import (
     AFTER_RECOVERY,
@@ -58,6 +59,7 @@ from .reasons import (
     MOVES,
     NO_PLAN,
     NO_REFERENCE,
+    ON_LINE,
     PLAN_IN_TIME,
     PLANNER,
     RECOVERY,
@@ -92,6 +94,7 @@ def begin(tick: Tick) -> None:
     driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
     reasons, slip, frame, geometry = memory.reasons, driver.limiter.slip, memory.velocity_frame, tick.geometry
     forget_reasons(reasons, memory.judge.proposals)
+    memory.judge.line.contact = math.inf
     if slip.needs_slip_angle:
         command = memory.speedometer.command * (1.0 + memory.speedometer.error)
         command += frame.excess if command != 0.0 else 0.0
@@ -172,7 +175,7 @@ def drive_filtered(tick: Tick) -> None:
         return
     driver, memory, guidance, reference = tick.driver, tick.memory, tick.memory.guidance, tick.reference
     speed, steering = _by_laws(tick), saturate(reference.steering_angle, driver.car.max_steering_angle)
-    here = _look_round(tick)
+    here = look_round(tick, False)
     extend_path_history(tick.record)
     if memory.history.tried > 0:
         speed = min(speed, driver.recovery_settings.speed)
@@ -192,6 +195,8 @@ def drive_filtered(tick: Tick) -> None:
     wanted = Wanted(steering, speed, path, guided, stop_ahead(guidance), memory.judge.passed)
     judge(here, wanted, memory.judge)
     found = best.contact == 0.0
+    if not found and memory.judge.line.contact < math.inf:
+        take(best, memory.judge.line)
     memory.judge.passed = found and best.why <= STOP
     if found and best.why == REFERENCE and guided:
         keep_stop(guidance)
@@ -201,16 +206,19 @@ def drive_filtered(tick: Tick) -> None:
     elif driver.recovery and _recovers(here, tick, found, best):
         _actuate(tick, RECOVERY, best)
         return
-    elif not found:
+    elif not found and best.why != ON_LINE:
         slow = here.speed <= here.settings.crawl_speed and len(here.movers) == 0
         best.speed = min(speed, in_sight) if slow else 0.0
     if best.why in (REFERENCE, STOP, MOTION):
         best.steering_angle = reference.steering_angle  # beyond the lock, the limiter slows the car for it
-    _actuate(tick, SAFETY_FILTER, best)
+    if best.why == ON_LINE:
+        drive_line(tick, best)
+    else:
+        _actuate(tick, SAFETY_FILTER, best)
 
 
 @inlined
-def _look_round(tick: Tick) -> Situation:
+def look_round(tick: Tick, known: bool) -> Situation:
     """Return the situation in which proposals are judged."""
     driver, memory, odometry, table = tick.driver, tick.memory, tick.odometry, tick.trajectories
     angle = memory.velocity_frame.angle if driver.limiter.slip.needs_slip_angle else 0.0
@@ -218,8 +226,9 @@ def _look_round(tick: Tick) -> Situation:
     ranges = tick.ranges_without_movers if len(movers) > 0 else tick.ranges
     widened = widen_all(ranges, tick.geometry.angle_increment, table.radius)
     return Situation(
-        driver.limiter, memory.limiter, driver.judge_settings, tick.geometry, widened, float(table.radius), movers,
-        memory.guidance.frontier, float(odometry.steering_angle), float(odometry.speed), period_of(tick.geometry),
+        driver.limiter, memory.limiter, driver.judge_settings, tick.geometry, ranges, widened, float(table.radius),
+        movers, memory.guidance.frontier, float(odometry.steering_angle), float(odometry.speed),
+        period_of(tick.geometry), known,
     )  # fmt: skip
 
 
@@ -228,6 +237,18 @@ def _actuate(tick: Tick, step: int, best: Record) -> None:
     """Write the command of the best proposal."""
     log_step(tick.memory.reasons, step, best.steering_angle, best.speed)
     tick.command[0], tick.command[1] = apply_limits(tick.record, best.steering_angle, best.speed, best.use)
+
+
+@kernel
+def drive_line(tick: Tick, best: Record) -> None:
+    """Write the command on the remembered line, where the limiter turns the wheels faster."""
+    limiter, settings = tick.driver.limiter, tick.driver.limiter.settings
+    own = settings.turn_in_use, settings.lateral_use_in_braking
+    settings.turn_in_use, settings.lateral_use_in_braking = on_line(limiter)
+    tick.command[0], tick.command[1] = apply_limits_of(
+        limiter, tick.record, best.steering_angle, best.speed, best.use, 0.0
+    )
+    settings.turn_in_use, settings.lateral_use_in_braking = own
 
 
 @kernel
@@ -373,9 +394,7 @@ def extend_path_history(tick: Record) -> None:
 
 MEAN_RANGE_STAGE = Stage(text="speed law: slower where the mean range towards the goal is short")
 DISTANCE_AHEAD_STAGE = Stage(text="speed law: slower where the distance straight ahead is short")
-FRICTION_LAW_STAGE = Stage(
-    text="speed law: v = sqrt(g mu b / tan|d|) of the steering angle only", needs_friction=True
-)
+FRICTION_LAW_STAGE = Stage(text="speed law: v = sqrt(g mu b / tan|d|) of the steering angle only", needs_friction=True)
 PREDICTION_STAGE = Stage(
     text="tracks moving things, and avoids where they may be", needs=("safety_filter",), needs_friction=True,
     before_reference=predict,

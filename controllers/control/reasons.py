@@ -47,7 +47,7 @@ _STEPS = (
 REASONS = (np.float64, (len(_STEPS), 2))
 """Type of what is kept of a decision: steering angle [rad] and speed [m/s] after each step; NaN: it did not apply."""
 
-REFERENCE, STOP, ASIDE, AS_IT_STANDS, BESIDE, MOTION, LAST_STOP = range(7)
+REFERENCE, STOP, ASIDE, AS_IT_STANDS, BESIDE, MOTION, LAST_STOP, ON_LINE = range(8)
 """Why something was proposed, see safety.judge."""
 
 _WHY = (
@@ -58,6 +58,7 @@ _WHY = (
     ("beside", "a direction next to the reference's, at its speed"),
     ("motion", "braking along the motion of guidance"),
     ("last stop", "braking along the motion on which the car could last stop"),
+    ("line", "the remembered line, at its speed or braking"),
 )
 PROPOSALS = (np.float64, (len(_WHY), 5))
 """Type of what was proposed: the command's steering angle [rad] and speed [m/s] (NaN: it was not), the speed [m/s] at
@@ -109,7 +110,7 @@ def reasons_in(reasons: FloatArray, judged: np.void) -> list[Reason]:
     if not reasons[MAXIMUM, 1] > 0.0:  # a planner's memory is zero at the beginning
         return found
     for step, (name, text) in enumerate(_STEPS):
-        if step == SAFETY_FILTER and not math.isnan(reasons[step, 1]):
+        if step == SAFETY_FILTER:
             found += _proposals_in(judged)
         if not math.isnan(reasons[step, 1]):
             steering_angle, speed = reasons[step].tolist()

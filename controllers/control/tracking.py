@@ -15,6 +15,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 X, Y, HEADING, CURVATURE = range(4)  # columns of a motion: of the rear axle after each arc, and the arc's curvature
+SPEED = 4  # [m/s] column of a motion that says how fast the car drives there
 
 LAG = 0.08  # [s] until a new steering angle is reached, of the F1TENTH car
 _LENGTH, _LENGTH_TIME = 0.3, 0.1  # [m] and [s]: over which errors fall

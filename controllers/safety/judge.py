@@ -71,6 +71,7 @@ JUDGE = np.dtype(
         ("passed", np.bool_),  # whether the reference passed in the last tick
         ("best", BEST),  # of this tick
         ("second", BEST),  # that it is compared with; kernels keep no record but in a memory
+        ("line", BEST),  # on the remembered line, or beside it
         ("proposals", *PROPOSALS),  # of the last decision; written, and never read
     ]
 )
@@ -128,11 +129,11 @@ def judge(here: Situation, wanted: Wanted, memory: Record) -> None:
     if wanted.passed:
         margin *= settings.margin_kept
     best.contact = math.inf
-    if _consider(here, REFERENCE, angle, _plan(here, angle, path, wanted.speed, margin), _USES, proposals, best):
+    if consider(here, REFERENCE, angle, _plan(here, angle, path, wanted.speed, margin), _USES, proposals, best):
         return
     if wanted.passed and here.speed > settings.crawl_speed:
         stop = _plan(here, angle, path, 0.0, margin)
-        if _consider(here, STOP, angle, stop, _BRAKING, proposals, best):
+        if consider(here, STOP, angle, stop, _BRAKING, proposals, best):
             return
     if _look_aside(here, wanted, proposals, best):
         _stay_near(here, wanted, proposals, best, memory.second)
@@ -143,7 +144,7 @@ def judge(here: Situation, wanted: Wanted, memory: Record) -> None:
         on_it = steer_along(wanted.last_stop, 0, (0.0, 0.0, 0.0), here.speed, car.wheelbase, late, path_late)
         for margin in (settings.margin_kept * settings.margin_aside, 0.0):
             last = _plan(here, on_it, wanted.last_stop, 0.0, margin)
-            if _consider(here, LAST_STOP, on_it, last, _BRAKING, proposals, best):
+            if consider(here, LAST_STOP, on_it, last, _BRAKING, proposals, best):
                 return
     if wanted.guided:  # it is free, as far as its search could tell
         best.why, best.steering_angle, best.use = REFERENCE, angle, 1.0
@@ -159,21 +160,21 @@ def brake_alone(here: Situation, wanted: Wanted, memory: Record) -> bool:
     margin = settings.margin_kept * (settings.margin if len(path) == 0 else settings.margin_aside)
     plan, found.contact = _plan(here, wanted.steering_angle, path, 0.0, margin), math.inf
     for uses in (_BRAKES_FIRST, _USES[:3]):
-        if _consider(alone, STOP, wanted.steering_angle, plan, uses, memory.proposals, found):
-            _take(memory.best, found)
+        if consider(alone, STOP, wanted.steering_angle, plan, uses, memory.proposals, found):
+            take(memory.best, found)
             return True
     return False
 
 
 @kernel
-def _take(best: Record, found: Record) -> None:
+def take(best: Record, found: Record) -> None:
     """Take another proposal for the best one."""
     best.why, best.steering_angle, best.speed = found.why, found.steering_angle, found.speed
     best.use, best.contact = found.use, found.contact
 
 
 @kernel
-def _consider(
+def consider(
     here: Situation, why: int, steering_angle: float, plan: Plan, uses: FloatArray, proposals: FloatArray, best: Record
 ) -> bool:
     """Simulate a proposal, keep it if it is better than the best one, and return whether it meets nothing."""
@@ -227,12 +228,12 @@ def _look_aside(here: Situation, wanted: Wanted, proposals: FloatArray, best: Re
             break
         plan = Plan(bearings[number], views[number], nowhere, speed, settings.margin_aside)
         angle = pursue(bearings[number], _reach(here), car.lidar_offset, car.wheelbase)
-        if _consider(here, ASIDE, angle, plan, _USES, proposals, best):
+        if consider(here, ASIDE, angle, plan, _USES, proposals, best):
             return True
         views[number] = 0.0
     held, bearing = held_arc(here.limiter.slip, car, here.angle, here.memory.curvature), _bearing_of(here, here.angle)
     plan = Plan(bearing, max(reading(here, bearing), settings.pursuit_distance), nowhere, speed, settings.margin_aside)
-    return _consider(here, AS_IT_STANDS, held, plan, _USES, proposals, best)
+    return consider(here, AS_IT_STANDS, held, plan, _USES, proposals, best)
 
 
 @kernel
@@ -242,9 +243,9 @@ def _stay_near(here: Situation, wanted: Wanted, proposals: FloatArray, best: Rec
     found.contact = math.inf
     if wanted.guided:
         plan = _plan(here, wanted.steering_angle, wanted.path, 0.0, settings.margin_aside)
-        _consider(here, MOTION, wanted.steering_angle, plan, _BRAKES_FIRST, proposals, found)
+        consider(here, MOTION, wanted.steering_angle, plan, _BRAKES_FIRST, proposals, found)
     elif len(wanted.path) == 0 and abs(best.steering_angle - wanted.steering_angle) < _BESIDE:
         plan = _plan(here, best.steering_angle, wanted.path, wanted.speed, settings.margin_kept * settings.margin)
-        _consider(here, BESIDE, best.steering_angle, plan, _USES, proposals, found)
+        consider(here, BESIDE, best.steering_angle, plan, _USES, proposals, found)
     if found.contact == 0.0:
-        _take(best, found)
+        take(best, found)

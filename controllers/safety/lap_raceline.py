@@ -1,18 +1,20 @@
 """Lap raceline: a line of short lap time through the ground of the first lap.
 
     keep_lap(remembered, geometry, ranges, odometry, driver)           # in every tick
-    proposal = propose_line(remembered, odometry, driver)              # whose `state` is AWAY, NEAR or ON
+    proposal = propose_line(remembered, odometry, limiter, 0.0)        # whose `state` is AWAY, NEAR or ON
 
 1. Shaping. The line begins as the path of the first lap. In each tick the room to both sides of its points is read off
    the recorded ends of beams, and the points are moved once within that room (line_optimizer).
 2. Trial. On tires that need slip angles, the line is followed only if the car's own simulated lap holds (lap_trial).
    Else it is shaped again, farther from the walls, twice at most.
 3. Joining. NEAR the line the car is led towards a point of it further on, with all the protections of the planner.
-4. Following. ON the line the car steers along it (line_following). The limiter turns the wheels faster there, and
-   braking takes nothing of the cornering. Known ground counts as free although it is not in sight, so neither the speed
-   law of sight nor the safety filter applies.
-5. Something new. Where a beam ends on the line, the car brakes to stop before it. Near to it, the planner drives again.
-6. Something that moves. The planner drives until the car has driven two laps without seeing anything that moves.
+4. Following. ON the line the car steers along it (line_following), if the judge's simulation finds it free: either the
+   car could stop on it, or it could drive on, without coming near the end of a beam. What the scan hides counts as
+   free, as the first lap has been there. Where a wall is nearer than the first lap saw it, .1 m beside the line is
+   tried, then braking on it. The limiter turns the wheels faster there, and braking takes nothing of the cornering.
+5. Something new. The car brakes on the line; from 2 m/s on the planner drives, for 5 m. If nothing on the line is free,
+   the judge may take any other proposal that is; if none is, the slowest contact on the line.
+6. Something that moves. While it is in sight the planner drives, or the plan in time.
 
 Source of the rounds of the line's shaping: A. Heilmeier et al., Minimum curvature trajectory planning and control for
 an autonomous race car, Vehicle System Dynamics 58(10), 2020.
@@ -32,16 +34,16 @@ import numpy as np
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.actuation import apply_limits_of
-from ..control.decision import extend_path_history
+from ..control.decision import drive_line, extend_path_history, look_round
 from ..control.planner_settings import Record
-from ..control.reasons import REMEMBERED_LINE, log_step
+from ..control.reasons import ON_LINE, REMEMBERED_LINE, log_step
 from ..control.slip import lock_arc
 from ..control.stages import Stage, Tick
 from ..control.steering import arc_through, saturate
-from ..control.tracking import X, Y, next_point
-from ..perception.lap_map import BEAMS, LAP_MAP, TOO_FAR, ends_of, nearest_place, see_lap, walls_of
-from ..perception.scan_geometry import bearing_of, nearest_beam, period_of, sees
+from ..control.tracking import HEADING, SPEED, X, Y, next_point
+from ..perception.lap_map import BEAMS, LAP_MAP, ends_of, nearest_place, see_lap, walls_of
+from ..perception.scan_geometry import period_of
+from .judge import consider
 from .lap_trial import FAILS, HOLDS, TRIAL, TRYING, try_lap
 from .line_following import (
     LEAVES,
@@ -49,14 +51,15 @@ from .line_following import (
     curvature_at,
     describe_line,
     line_ahead,
+    on_line,
     position_on,
     reference_on,
     speed_on,
-    turn_in_use,
     turning_use,
     uses_on,
 )
 from .line_optimizer import STEPS, average, begin_step, improve, length_of, limited_grip, normals_of
+from .rollout import Plan, reading_towards
 
 if TYPE_CHECKING:
     from ..control.planner import Planner
@@ -76,11 +79,10 @@ _NEAR = (1.5, 0.7)  # [m] to the side of the line and [rad] from it, within whic
 # acceleration from its curvature
 _JOINS = (OFF, 0.2, 0.3)
 _REACH, _REACH_TIME = 0.8, 0.3  # [m] and [s] to the point of the line to which the car is led
-_CLEAR = 0.05  # [m] to each side of the car, within which the end of a beam on the line is something new
-_BEAMS_A_POINT = 24  # that are looked at for each point, at most
-_STOPS_BEFORE = 1.0  # [m] between the rear axle and something new at which the car stands
+_USES = np.array([1.0, 0.75, 0.5])  # shares of the grip for cornering
+_BESIDE = (0.0, 0.1, -0.1)  # [m] to the left of the line, where the car drives if a wall is nearer than was seen
+_PLANNER_SPEED = 2.0  # [m/s] from which on the planner drives past something new
 _PLANNER_DRIVES = 5.0  # [m] after something new was within twice that
-_STILL_LAPS = 2.0  # without anything that moves, after which the line is followed again
 
 AWAY, NEAR, ON = range(3)
 """Where the car is: the planner drives, the car is led to the line, or it follows the line."""
@@ -104,19 +106,17 @@ LINE = np.dtype(
 )
 """Type of a line, and of what is kept of it from tick to tick; zero at the beginning."""
 
-REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE), ("moved", np.bool_), ("still", np.float64)])
-"""Type of all that is remembered: of the first lap, whether anything has moved, and the way [m] since."""
+REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE)])
+"""Type of all that is remembered of the first lap."""
 
 
 class LineProposal(NamedTuple):
     """How to follow the line."""
 
     state: int  # AWAY: there is no proposal; NEAR or ON
-    points: FloatArray  # (n, 4) of the line ahead, in the frame of the car, see control.tracking
+    points: FloatArray  # (n, 5) of the line ahead, in the frame of the car, see control.tracking
     steering_angle: float  # [rad] for now
     speed: float  # [m/s] for now
-    turn_in_use: float  # setting of the limiter with which to follow the line,
-    lateral_use_in_braking: float  # and another one
 
 
 @kernel
@@ -223,26 +223,25 @@ def _finish(line: Record, limiter: Record) -> None:
 
 
 @kernel
-def propose_line(remembered: Record, odometry: Record, limiter: Record) -> LineProposal:
+def propose_line(remembered: Record, odometry: Record, limiter: Record, shift: float) -> LineProposal:
     """Return how to follow the line from here, or to come to it; AWAY: the car is not near it, or may not follow it.
 
     Args:
       remembered: of type REMEMBERED, written to.
       odometry: of type ODOMETRY.
       limiter: of type LIMITER.
+      shift: how far to the left of the line the car is to be [m].
     """
     lap, line, now, car = remembered.lap, remembered.line, odometry.speed, limiter.car
     follows, line.follows = line.follows, False
-    none = LineProposal(AWAY, np.empty((0, 4)), 0.0, 0.0, 0.0, 0.0)
+    none = LineProposal(AWAY, np.empty((0, 4)), 0.0, 0.0)
     if not (lap.closed and line.ready) or line.refused or lap.driven < line.until:
-        return none
-    if remembered.moved and remembered.still < _STILL_LAPS * line.count * line.spacing:
         return none
     if (limiter.slip.needs_slip_angle and line.trial.state != HOLDS) or not math.isfinite(now):
         return none
     if not follows:
         line.next = _nearest(line.points[: line.count], lap.x, lap.y)
-    window, spacing = line_ahead(line, line.next, lap.x, lap.y, lap.heading), line.spacing
+    window, spacing = line_ahead(line, line.next, lap.x, lap.y, lap.heading, limiter), line.spacing
     point = next_point(window, 1, 0.0, 0.0, 0.0)
     line.next = (line.next + point - 1) % line.count
     along, aside, turned = position_on(window, point, spacing)
@@ -252,16 +251,18 @@ def propose_line(remembered: Record, odometry: Record, limiter: Record) -> LineP
         held = limiter.lateral / max(now * now, 0.5)
         off = abs(math.tan(odometry.steering_angle) / car.wheelbase - curvature_at(window, along))
         near = abs(aside) < _JOINS[0] and abs(turned) < _JOINS[1] and off < _JOINS[2] * held
-        line.follows = near and now < speed_on(window, along, spacing, limiter, now)
+        line.follows = near and now < speed_on(window, along, spacing, now)
     else:
         line.follows = abs(aside) <= LEAVES
-    steering, speed, most = reference_on(window, along, aside, turned, spacing, limiter, now, line.follows)
-    points = window[point:, :4].copy()
+    steering, speed, most = reference_on(window, along, aside - shift, turned, spacing, limiter, now, line.follows)
+    points = window[point:, : SPEED + 1].copy()
+    points[:, X], points[:, Y] = (
+        points[:, X] - shift * np.sin(points[:, HEADING]), points[:, Y] + shift * np.cos(points[:, HEADING])
+    )  # fmt: skip
     if not line.follows:  # towards a point further on: to lead the car there needs no sharp turns
         target = points[_target(len(points), spacing, now)]
         steering = saturate(arc_through(target[X], target[Y], car.wheelbase), most)
-    in_braking = limiter.settings.lateral_use_in_braking if limiter.slip.needs_slip_angle else 1.0
-    return LineProposal(ON if line.follows else NEAR, points, steering, speed, turn_in_use(limiter), float(in_braking))
+    return LineProposal(ON if line.follows else NEAR, points, steering, speed)
 
 
 @kernel
@@ -282,110 +283,72 @@ def _nearest(points: FloatArray, x: float, y: float) -> int:
 
 
 @kernel
-def speed_held_back(
-    remembered: Record, proposal: LineProposal, geometry: Record, ranges: FloatArray, now: float, limiter: Record
-) -> float:
-    """Return the speed from which the car stops before something new on the line [m/s]; NaN: the planner is to drive.
-
-    Args:
-      remembered: of type REMEMBERED, written to.
-      proposal: NEAR or ON.
-      geometry: of type SCAN_GEOMETRY.
-      ranges: readings (n,) [m], without NaN or inf.
-      now: present speed [m/s].
-      limiter: of type LIMITER.
-    """
-    line, points, car = remembered.line, proposal.points, limiter.car
-    free = free_on(points, line.spacing, geometry, ranges, car) if sees(geometry, ranges) else -math.inf
-    if free < 2.0 * _STOPS_BEFORE:
-        line.follows, line.until = False, remembered.lap.driven + (_PLANNER_DRIVES if free >= 0.0 else 0.0)
-        return math.nan
-    if proposal.state == NEAR:
-        target = points[_target(len(points), line.spacing, now)]
-        if not _sees_way(target[X], target[Y], geometry, ranges, car):  # a wall between, as on the inside of a hairpin
-            return math.nan
-    return math.sqrt(2.0 * uses_on(limiter)[1] * limiter.braking * (free - _STOPS_BEFORE))
-
-
-@kernel
-def free_on(points: FloatArray, spacing: float, geometry: Record, ranges: FloatArray, car: Record) -> float:
-    """Return how far ahead the first beam ends on the line [m], where no wall was; inf: none does.
-
-    The line is that of `points` (n, 4), in the frame of the car; the other arguments are as of `speed_held_back`.
-    """
-    reach = 0.5 * car.width + _CLEAR
-    for k in range(len(points)):
-        ahead, left = points[k, X] - car.lidar_offset, points[k, Y]
-        distance = math.hypot(ahead, left)
-        if ahead < 2.0 * reach or distance > TOO_FAR:
-            continue
-        middle = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left)
-        half = reach / (distance * geometry.angle_increment)
-        step = max(2.0 * half / _BEAMS_A_POINT, 1.0)
-        beam = max(middle - half, 0.0)
-        while beam <= min(middle + half, len(ranges) - 1.0):
-            off = ranges[int(beam)] - distance
-            across = distance * geometry.angle_increment * (int(beam) - middle)
-            if off * off + across * across < reach * reach:
-                return k * spacing
-            beam += step
-    return math.inf
-
-
-@kernel
-def _sees_way(ahead: float, left: float, geometry: Record, ranges: FloatArray, car: Record) -> bool:
-    """Return whether no beam ends where the car's width leads straight from the rear axle to a place [m]."""
-    distance, reach = math.hypot(ahead, left), 0.5 * car.width + _CLEAR
-    for beam in range(len(ranges)):
-        bearing = bearing_of(geometry, beam)
-        x, y = car.lidar_offset + ranges[beam] * math.cos(bearing), ranges[beam] * math.sin(bearing)
-        if 0.0 < x * ahead + y * left < distance * distance and abs(x * left - y * ahead) < reach * distance:
-            return False
-    return True
-
-
-@kernel
 def _remember(tick: Tick) -> None:
     """Keep the lap, and decide while the car is on its line."""
-    state, odometry, limiter, predictions = tick.state, tick.odometry, tick.driver.limiter, tick.memory.predictions
-    if math.isfinite(odometry.speed):
-        state.still += abs(odometry.speed) * period_of(tick.geometry)
-    if predictions.count > 0:
-        state.moved, state.still = True, 0.0
+    state, odometry, limiter = tick.state, tick.odometry, tick.driver.limiter
     keep_lap(state, tick.geometry, tick.ranges_without_cars, odometry, tick.driver)
     if tick.record.decided or (tick.memory.guidance.follows and not state.line.follows):
         return
-    proposal = propose_line(state, odometry, limiter)
-    if proposal.state != AWAY:
-        free = speed_held_back(state, proposal, tick.geometry, tick.ranges, odometry.speed, limiter)
-        if not math.isnan(free):
-            _follow(tick, proposal, free)
+    if tick.memory.predictions.count > 0:  # the plan in time drives, or the planner
+        return
+    if state.line.follows and tick.memory.judge.best.why != ON_LINE:  # the judge took another proposal
+        state.line.follows, state.line.until = False, state.lap.driven + _PLANNER_DRIVES
+    proposal = propose_line(state, odometry, limiter, 0.0)
+    if proposal.state == ON:
+        _follow(tick, proposal)
+    elif proposal.state == NEAR:
+        _come_to_it(tick, proposal)
 
 
 @kernel
-def _follow(tick: Tick, proposal: LineProposal, free: float) -> None:
-    """Write the reference that follows a proposal, no faster than `free` [m/s]; and the command, ON the line."""
-    reference, limiter, ahead = tick.reference, tick.driver.limiter, proposal.points[0]
-    speed = min(proposal.speed, free)
-    reference.steering_angle = proposal.steering_angle
-    reference.speed = speed if proposal.state == ON else min(reference.speed, speed)
-    reference.bearing, reference.distance = math.atan2(ahead[Y], ahead[X]), math.hypot(ahead[X], ahead[Y])
-    log_step(tick.memory.reasons, REMEMBERED_LINE, reference.steering_angle, reference.speed)
-    if proposal.state == ON:
+def _come_to_it(tick: Tick, proposal: LineProposal) -> None:
+    """Lead the reference to the line, unless a wall is between, as on the inside of a hairpin."""
+    reference, here = tick.reference, look_round(tick, True)
+    points, car = proposal.points, tick.driver.car
+    target = points[_target(len(points), tick.state.line.spacing, here.speed)]
+    ahead, left = target[X] - car.lidar_offset, target[Y]
+    if reading_towards(here, ahead, left) > math.hypot(ahead, left):
+        reference.steering_angle, reference.speed = proposal.steering_angle, min(reference.speed, proposal.speed)
+        reference.bearing, reference.distance = math.atan2(left, ahead), math.hypot(ahead, left)
+        log_step(tick.memory.reasons, REMEMBERED_LINE, reference.steering_angle, reference.speed)
+
+
+@kernel
+def _follow(tick: Tick, proposal: LineProposal) -> None:
+    """Drive the line, or beside it, or brake on it, if the judge finds one of these free; else it may choose others."""
+    limiter, here, best, free = tick.driver.limiter, look_round(tick, True), tick.memory.judge.line, False
+    settings, proposals = limiter.settings, tick.memory.judge.proposals
+    own = settings.turn_in_use, settings.lateral_use_in_braking
+    settings.turn_in_use, settings.lateral_use_in_braking = on_line(limiter)
+    log_step(tick.memory.reasons, REMEMBERED_LINE, proposal.steering_angle, proposal.speed)
+    for shift in _BESIDE:
+        if not free:
+            beside = proposal if shift == 0.0 else propose_line(tick.state, tick.odometry, limiter, shift)
+            angle, speed = beside.steering_angle, min(beside.speed, tick.reference.limit, tick.driver.max_speed)
+            stop, on = _braking(beside, speed), Plan(0.0, 0.0, beside.points, speed, 0.0)
+            free = consider(here, ON_LINE, angle, stop, _USES, proposals, best)
+            free = free or consider(here, ON_LINE, angle, on, _USES[:1], proposals, best)
+    if not free:
+        free = consider(here, ON_LINE, proposal.steering_angle, _braking(proposal, 0.0), _USES, proposals, best)
+        free = free and here.speed > _PLANNER_SPEED
+        if not free:
+            best.steering_angle, best.speed, best.use = proposal.steering_angle, 0.0, 1.0
+    settings.turn_in_use, settings.lateral_use_in_braking = own
+    if free:
         extend_path_history(tick.record)
-        settings = limiter.settings
-        own = settings.turn_in_use, settings.lateral_use_in_braking
-        settings.turn_in_use, settings.lateral_use_in_braking = proposal.turn_in_use, proposal.lateral_use_in_braking
-        speed = min(speed, reference.limit, tick.driver.max_speed)
-        limited = apply_limits_of(limiter, tick.record, reference.steering_angle, speed, 1.0, 0.0)
-        settings.turn_in_use, settings.lateral_use_in_braking = own
-        tick.command[0], tick.command[1] = limited
-        tick.record.decided = True
+        tick.memory.judge.best.why, tick.record.decided = ON_LINE, True
+        drive_line(tick, best)
+
+
+@kernel
+def _braking(proposal: LineProposal, speed: float) -> Plan:
+    """Return the plan to brake on the line after a tick at a speed [m/s]."""
+    return Plan(0.0, 0.0, proposal.points[:, :SPEED].copy(), speed, 0.0)
 
 
 REMEMBER = Stage(
-    text="from the second lap on the car follows a line through the ground of the first", needs=("guidance",),
-    needs_friction=True, after_guidance=_remember, state_type=REMEMBERED,
+    text="from the second lap on the car follows a line through the ground of the first",
+    needs=("guidance", "safety_filter"), needs_friction=True, after_guidance=_remember, state_type=REMEMBERED,
 )  # fmt: skip
 """The stage `remember`: from the second lap on the car follows a line through the ground of the first."""
 

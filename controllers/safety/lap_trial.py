@@ -79,7 +79,7 @@ def try_lap(line: Record, lap: Record, walls: FloatArray, limiter: Record, max_s
     """
     trial = line.trial
     if not trial.begun:
-        start = line_ahead(line, 1, 0.0, 0.0, 0.0)[0]
+        start = line_ahead(line, 1, 0.0, 0.0, 0.0, limiter)[0]
         trial.begun, trial.way, trial.next, trial.place = True, 0.0, 1, 0
         trial.x, trial.y, trial.heading = start[X], start[Y], start[HEADING]
         trial.speed, trial.sideways, trial.yaw_rate, trial.steering = _START, 0.0, 0.0, 0.0
@@ -105,7 +105,7 @@ def _command(line: Record, limiter: Record, max_speed: float, period: float) -> 
     trial, slip, car = line.trial, limiter.slip, limiter.car
     now, spacing = trial.speed, line.spacing
     heading = trial.heading + velocity_angle(slip, car, now, trial.yaw_rate)
-    window = line_ahead(line, trial.next, trial.x, trial.y, heading)
+    window = line_ahead(line, trial.next, trial.x, trial.y, heading, limiter)
     point = next_point(window, 1, 0.0, 0.0, 0.0)
     trial.next = (trial.next + point - 1) % line.count
     position, aside, turned = position_on(window, point, spacing)

@@ -1,6 +1,6 @@
 """A car on a line: what lies ahead, where the car is there, how it is steered, and how fast it may go.
 
-    window = line_ahead(line, first, x, y, heading)
+    window = line_ahead(line, first, x, y, heading, limiter)
     position, aside, turned = position_on(window, point, line.spacing)
     steering_angle, speed, _ = reference_on(window, position, aside, turned, line.spacing, limiter, now, True)
 
@@ -21,12 +21,13 @@ from fg_mujoco.messages import FloatArray
 from ..control.planner_settings import Record
 from ..control.slip import lock_arc
 from ..control.steering import late_by, saturate
-from ..control.tracking import CURVATURE, HEADING, LAG, X, Y
+from ..control.tracking import CURVATURE, HEADING, LAG, SPEED, X, Y
 from .friction_limiter import longitudinal_share, stable_share
 from .line_optimizer import average
 
-RADIUS = 4  # column of a window after those of control.tracking: the greatest speed squared over `lateral` [m]
-DEMAND = 5  # column: the acceleration that the tires hold while the car brakes, over the speed squared [1/m]
+# columns of a window after those of control.tracking: the greatest speed squared over `lateral` [m], and the
+# acceleration that the tires hold while the car brakes, over the speed squared [1/m]
+RADIUS, DEMAND = 5, 6
 OFF = 0.1  # [m] to the side of the line, from which on the car corners less than it could
 LEAVES = 0.6  # [m] to the side of the line, beyond which the car no longer follows it
 
@@ -55,6 +56,13 @@ def turn_in_use(limiter: Record) -> float:
     """Return the share of what cornering leaves for turning the wheels, of a car on the line: it turns them faster."""
     own = limiter.settings.turn_in_use
     return float(own if limiter.slip.needs_slip_angle else min(_TURNS_FASTER * own, 1.0))
+
+
+@kernel
+def on_line(limiter: Record) -> tuple[float, float]:
+    """Return the limiter's settings turn_in_use and lateral_use_in_braking for a car on the line."""
+    in_braking = limiter.settings.lateral_use_in_braking if limiter.slip.needs_slip_angle else 1.0
+    return turn_in_use(limiter), float(in_braking)
 
 
 @kernel
@@ -91,10 +99,11 @@ def describe_line(line: Record, limiter: Record) -> None:
 
 
 @kernel
-def line_ahead(line: Record, first: int, x: float, y: float, heading: float) -> FloatArray:
-    """Return the points of a closed line from the one before `first` on, in the frame of a car. Shape (64, 6).
+def line_ahead(line: Record, first: int, x: float, y: float, heading: float, limiter: Record) -> FloatArray:
+    """Return the points of a closed line from the one before `first` on, in the frame of a car. Shape (64, 7).
 
-    Columns: x and y [m], heading [rad], curvature [1/m], RADIUS and DEMAND.
+    Columns: x and y [m], heading [rad], curvature [1/m], the greatest speed from which the tires hold the car through
+    all that comes [m/s], RADIUS and DEMAND.
 
     Args:
       line: of type lap_raceline.LINE, see `describe_line`.
@@ -102,8 +111,9 @@ def line_ahead(line: Record, first: int, x: float, y: float, heading: float) -> 
       x: of the rear axle [m], in the frame of the points.
       y: of the rear axle [m].
       heading: of the car [rad].
+      limiter: of type LIMITER.
     """
-    window, cos, sin = np.empty((_POINTS, 6)), math.cos(heading), math.sin(heading)
+    window, cos, sin = np.empty((_POINTS, 7)), math.cos(heading), math.sin(heading)
     for k in range(_POINTS):
         row, at = window[k], (first - 1 + k) % line.count
         dx, dy = line.points[at, 0] - x, line.points[at, 1] - y
@@ -112,7 +122,25 @@ def line_ahead(line: Record, first: int, x: float, y: float, heading: float) -> 
         row[HEADING] = turn - 2.0 * math.pi * round(turn / (2.0 * math.pi))
         row[CURVATURE] = line.described[at, 1]
         row[RADIUS], row[DEMAND] = line.described[at, 2], line.described[at, 3]
+    write_speeds(window, line.spacing, limiter)
     return window
+
+
+@kernel
+def write_speeds(window: FloatArray, spacing: float, limiter: Record) -> None:
+    """Write the greatest speed at each point of a window (n, 7), whose points are `spacing` apart [m]."""
+    grip, braking = limiter.mu * limiter.car.gravity, uses_on(limiter)[1] * limiter.braking
+    square, demand = math.inf, 0.0
+    for k in range(len(window) - 1, -1, -1):
+        corner = limiter.lateral * window[k, RADIUS]
+        if square < corner:
+            used = square * demand / grip
+            share = longitudinal_share(limiter, used, True)
+            if limiter.slip.needs_slip_angle:
+                share = stable_share(limiter, share, used, math.sqrt(square))
+            square += 2.0 * braking * share * spacing
+        square = min(square, corner)
+        window[k, SPEED], demand = math.sqrt(square), window[k, DEMAND]
 
 
 @kernel
@@ -150,34 +178,20 @@ def curvature_at(window: FloatArray, position: float) -> float:
 
 
 @kernel
-def speed_on(window: FloatArray, position: float, spacing: float, limiter: Record, now: float) -> float:
-    """Return the greatest speed [m/s] from which the tires hold the car through all that comes.
+def speed_on(window: FloatArray, position: float, spacing: float, now: float) -> float:
+    """Return the greatest speed [m/s] at a position in points, and as far ahead as the car answers late.
 
     Args:
-      window: of a line (n, 6).
+      window: of a line (n, 7).
       position: of the car, in points.
       spacing: of the points [m].
-      limiter: of type LIMITER.
       now: present speed [m/s].
     """
-    grip, braking = limiter.mu * limiter.car.gravity, uses_on(limiter)[1] * limiter.braking
-    squares = np.empty(len(window))
-    square, demand = math.inf, 0.0
-    for k in range(len(window) - 1, -1, -1):
-        corner = limiter.lateral * window[k, RADIUS]
-        if square < corner:
-            used = square * demand / grip
-            share = longitudinal_share(limiter, used, True)
-            if limiter.slip.needs_slip_angle:
-                share = stable_share(limiter, share, used, math.sqrt(square))
-            square += 2.0 * braking * share * spacing
-        squares[k] = square = min(square, corner)
-        demand = window[k, DEMAND]
     best = math.inf
     for each in (position, position + _LOOKAHEAD * max(now, 0.0) / spacing):
         at = min(int(each), len(window) - 2)
         share = min(each - at, 1.0)
-        best = min(best, (1.0 - share) * squares[at] + share * squares[at + 1])
+        best = min(best, (1.0 - share) * window[at, SPEED] ** 2 + share * window[at + 1, SPEED] ** 2)
     return math.sqrt(best)
 
 
@@ -189,7 +203,7 @@ def reference_on(
     """Return steering angle [rad] and speed [m/s] for a car on a line, and the greatest steering angle there [rad].
 
     Args:
-      window: of a line (n, 6).
+      window: of a line (n, 7).
       position: of the car, in points.
       aside: how far to the left of the line it is [m].
       turned: its angle to the line [rad].
@@ -198,7 +212,7 @@ def reference_on(
       now: present speed [m/s].
       follows: whether it follows the line; else it comes to the line by another steering angle.
     """
-    car, speed = limiter.car, speed_on(window, position, spacing, limiter, now)
+    car, speed = limiter.car, speed_on(window, position, spacing, now)
     length = _LENGTH + _LENGTH_TIME * max(now, 0.0)
     ahead = curvature_at(window, position + (LAG + late_by(car)) * max(now, 0.0) / spacing)
     steering = math.atan(car.wheelbase * (ahead - aside / (length * length) - 2.0 * math.sin(turned) / length))

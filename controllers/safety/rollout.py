@@ -3,9 +3,11 @@
     here = Situation(...)
     met = simulate(here, plan, use, speed)  # of a Plan, with a share of the grip for cornering
 
-A plan commands its speed for a tick, and then brakes to a stop. It steers along a path, or to a goal. The car meets
-something where one of its discs comes near what stands (the widened scan, and ground of the local map that a corner
-hides) or near where something that moves may be at that time: `occupied`, which all proposals share.
+A plan commands its speed for a tick, and then brakes to a stop; along a path that says how fast the car drives, it goes
+on to its end. It steers along a path, or to a goal. The car meets something where one of its discs comes near what
+stands (the widened scan, and ground of the local map that a corner hides) or near where something that moves may be at
+that time: `occupied`, which all proposals share. Of ground that the car knows, only ends of beams count: the widened
+scan has a wall beside the way in it.
 
 These stops are as hard as the tires hold. Limits: braking does not turn the simulated car in. What the scan does not
 show counts as free.
@@ -29,7 +31,7 @@ from ..control.planner_settings import Record
 from ..control.slip import late_on_path, path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, late_by
-from ..control.tracking import next_point, steer_along
+from ..control.tracking import SPEED, next_point, steer_along
 from ..perception.local_map import FREE as FREE_GROUND
 from ..perception.local_map import KIND, NEARNESS, PER_METRE, RING, in_window
 from ..perception.scan_geometry import nearest_beam
@@ -48,13 +50,15 @@ class Situation(NamedTuple):
     memory: Record  # of type LIMITER_MEMORY, unchanged after a simulation
     settings: Record  # fields of JudgeSettings
     geometry: Record  # of type SCAN_GEOMETRY
-    widened: FloatArray  # readings (n,) [m], each widened by a disc over the car's front
+    ranges: FloatArray  # readings (n,) [m]
+    widened: FloatArray  # the same, each widened by a disc over the car's front
     radius: float  # [m] of that disc
     movers: FloatArray  # (k, 12) predictions of what moves, which is not in the scan
     ground: Record  # of type FRONTIER_SEARCH
     angle: float  # [rad] present steering angle
     speed: float  # [m/s] present
     period: float  # [s] of a tick
+    known: bool  # whether what the scan hides counts as free: the car has driven there
 
 
 @inlined
@@ -67,8 +71,8 @@ def without_movers(here: Situation) -> Situation:
 def among_standing(here: Situation, angle: float) -> Situation:
     """Return the situation without what moves, of a car whose wheels stand at an angle [rad]."""
     return Situation(
-        here.limiter, here.memory, here.settings, here.geometry, here.widened, here.radius, here.movers[:0],
-        here.ground, angle, here.speed, here.period,
+        here.limiter, here.memory, here.settings, here.geometry, here.ranges, here.widened, here.radius,
+        here.movers[:0], here.ground, angle, here.speed, here.period, here.known,
     )  # fmt: skip
 
 
@@ -108,6 +112,10 @@ def simulate(here: Situation, plan: Plan, use: float, speed: float) -> Met:
         ticks = 1.0 if tick < _FINE_TICKS else 2.0
         reference, index = _steer(here, plan, index, x, y, heading, angle, speed)
         aim = plan.speed if tick == 0 else 0.0
+        if plan.path.shape[1] > SPEED:  # it goes on
+            if index + 1 == len(plan.path):
+                break
+            aim = min(plan.speed, plan.path[index, SPEED])
         command = limited(limiter, memory, reference, aim, use, angle, speed, ticks * period, True)
         next_angle = angle + ticks * turned * (command[0] - angle)
         next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
@@ -166,7 +174,10 @@ def occupied(here: Situation, plan: Plan, pose: tuple[float, float, float], time
             # widening does not shorten a reading, so what is in front of the disc has to stay clear, too
             more = 0.25 * car.width + plan.margin if offset == front else 0.0
             away, seen = math.sqrt(ahead * ahead + left * left), reading_towards(here, ahead, left)
-            if not seen > away + more:
+            if here.known:
+                if not seen > away + more and _ends_in(here, ahead, left, away):
+                    return STANDS
+            elif not seen > away + more:
                 hidden = len(plan.path) > 0 and away > seen + here.radius  # what stands there is before it
                 if not (hidden and _was_seen(here, pose, offset) and _was_seen(here, pose, offset + more)):
                     return STANDS
@@ -177,6 +188,22 @@ def occupied(here: Situation, plan: Plan, pose: tuple[float, float, float], time
                 if meets(here.movers, x + offset * cos - lidar, y + offset * sin, apart, time + WAIT * wait):
                     return MOVES
     return FREE
+
+
+@kernel
+def _ends_in(here: Situation, ahead: float, left: float, away: float) -> bool:
+    """Return whether a beam ends in the disc of the bare car round a place in the frame of the LiDAR, `away` [m]."""
+    first, increment, count = here.geometry.angle_min, here.geometry.angle_increment, len(here.ranges)
+    width = here.limiter.car.width
+    radius = math.hypot(0.5 * width, 0.25 * width)  # it covers the corners of the front
+    middle, half = nearest_beam(first, increment, ahead, left), math.inf
+    if away > radius:
+        half = math.asin(radius / away) / increment
+    for beam in range(int(max(middle - half, 0.0)), int(min(middle + half, count - 1.0)) + 1):
+        end, across = here.ranges[beam], (beam - middle) * increment
+        if end * end + away * away - 2.0 * end * away * math.cos(across) < radius * radius:
+            return True
+    return False
 
 
 @kernel

@@ -13,15 +13,14 @@ from fg_mujoco.controllers.control.driving import TICK
 from fg_mujoco.controllers.control.slip import arc_angle
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
 from fg_mujoco.controllers.perception.lap_map import see_lap, walls_of
+from fg_mujoco.controllers.perception.scan_filters import widen_all
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.controllers.safety.lap_raceline import (
     AWAY,
     ON,
     REMEMBERED,
-    free_on,
     propose_line,
     shape_line,
-    speed_held_back,
 )
 from fg_mujoco.controllers.safety.lap_trial import TRIAL, move_car
 from fg_mujoco.controllers.safety.line_following import (
@@ -29,17 +28,21 @@ from fg_mujoco.controllers.safety.line_following import (
     RADIUS,
     describe_line,
     line_ahead,
+    on_line,
     position_on,
     speed_on,
+    write_speeds,
 )
+from fg_mujoco.controllers.safety.rollout import FREE, Plan, simulate
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.tires import AxleTires, Coulomb, Tires
-from scan_worlds import CAR
+from scan_worlds import CAR, situation
 
 RADIUS_DRIVEN = 3.0  # [m] of the circle that is driven in the ring
 RING = lines(box(-4.4, -4.4, 4.4, 4.4), box(-1.5, -1.5, 1.5, 1.5))
 SPEED = 3.0  # [m/s]
 LIMITER = FrictionLimiter(CAR, 0.66)
+INCREMENT = float(BEARINGS[1] - BEARINGS[0])
 CAR_ROW = LIMITER.record[0]["car"]
 
 
@@ -124,7 +127,7 @@ def test_the_line_keeps_clear_of_the_walls_and_is_faster_than_the_path():
     outer, inner = 4.4 - np.maximum(abs(x), abs(y)), np.hypot(*np.maximum(abs(np.array([x, y])) - 1.5, 0.0))
     assert np.minimum(outer, inner).min() > 0.5 * CAR.width + 0.1
     assert line["count"] * line["spacing"] < 0.93 * 2.0 * math.pi * RADIUS_DRIVEN
-    bends = [line_ahead(line, k + 1, 0.0, 0.0, 0.0)[0, CURVATURE] for k in range(line["count"])]
+    bends = [line_ahead(line, k + 1, 0.0, 0.0, 0.0, LIMITER.record[0])[0, CURVATURE] for k in range(line["count"])]
     assert sum(bends) * line["spacing"] == pytest.approx(2.0 * math.pi, rel=0.02)
 
 
@@ -133,16 +136,20 @@ def test_the_whole_state_of_a_car_is_below_300_kb():
 
 
 def test_the_car_brakes_for_a_corner_as_late_as_the_limiter_can():
-    points = np.zeros((64, 6))
+    points = np.zeros((64, 7))
     points[:, RADIUS], points[40:, RADIUS] = 1e3, 0.8
     corner = LIMITER.lateral * 0.8
-    assert speed_on(points[40:], 0.0, 0.25, LIMITER.record[0], 0.0) == pytest.approx(math.sqrt(corner))
-    before = speed_on(points[20:], 0.0, 0.25, LIMITER.record[0], 0.0) ** 2
+
+    def square(first, position):
+        write_speeds(points, 0.25, LIMITER.record[0])
+        return speed_on(points[first:], position, 0.25, 0.0) ** 2
+
+    before = square(20, 0.0)
+    assert square(40, 0.0) == pytest.approx(corner)
     assert before == pytest.approx(corner + 2.0 * 0.85 * LIMITER.braking * 20 * 0.25)
-    between = speed_on(points[20:], 0.5, 0.25, LIMITER.record[0], 0.0) ** 2
-    assert before - between == pytest.approx(2.0 * 0.85 * LIMITER.braking * 0.5 * 0.25)
+    assert before - square(20, 0.5) == pytest.approx(2.0 * 0.85 * LIMITER.braking * 0.5 * 0.25)
     points[:40, DEMAND] = 0.3  # in a bend there is less for braking
-    assert speed_on(points[20:], 0.0, 0.25, LIMITER.record[0], 0.0) ** 2 < before - 1.0
+    assert square(20, 0.0) < before - 1.0
 
 
 def line_on_circle(radius, count):
@@ -162,7 +169,7 @@ def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     spacing = line["spacing"]
     angle = (3 + share) * spacing / 3.0
     x, y = 2.9 * math.sin(angle), 3.0 - 2.9 * math.cos(angle)  # to the left of the line is towards the middle
-    window = line_ahead(line, 1, x, y, angle + 0.05)
+    window = line_ahead(line, 1, x, y, angle + 0.05, LIMITER.record[0])
     assert window[:, CURVATURE] == pytest.approx(1.0 / 3.0, rel=2e-3)
     assert np.diff(np.unwrap(window[:, HEADING])) == pytest.approx(spacing / 3.0, rel=1e-3)
     along, aside, turned = position_on(window, 4, spacing)
@@ -171,7 +178,7 @@ def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     assert aside == pytest.approx(0.1, abs=5e-4)
 
 
-def test_a_car_on_its_line_is_proposed_to_follow_it_and_within_two_laps_of_a_mover_not():
+def test_a_car_on_its_line_is_proposed_to_follow_it_or_beside_it():
     remembered, limiter = line_of_ring(), LIMITER.record[0]
     line, lap, motion = remembered["line"], remembered["lap"], odometry()
     ahead = np.diff(line["points"][:2], axis=0)[0]
@@ -179,26 +186,48 @@ def test_a_car_on_its_line_is_proposed_to_follow_it_and_within_two_laps_of_a_mov
     lap["heading"] = math.atan2(ahead[1], ahead[0])
     motion["speed"] = 1.0
     motion["steering_angle"] = math.atan(CAR.wheelbase / 2.5)
-    proposal = propose_line(remembered, motion, limiter)
+    for _ in range(2):
+        proposal = propose_line(remembered, motion, limiter, 0.0)
     assert proposal.state == ON and np.abs(proposal.points[0, :2]).max() < 0.5 and proposal.speed > 2.0
-    assert proposal.turn_in_use > limiter["settings"]["turn_in_use"]
-    assert speed_held_back(remembered, proposal, GEOMETRY, scan_at(RING, 0.0), 1.0, limiter) > 0.0
-    remembered["moved"], remembered["still"] = True, 5.0
-    assert propose_line(remembered, motion, limiter).state == AWAY and not line["follows"]
-    remembered["still"] = 100.0
-    assert propose_line(remembered, motion, limiter).state == ON
+    assert on_line(limiter)[0] > limiter["settings"]["turn_in_use"]
+    beside = propose_line(remembered, motion, limiter, 0.1)
+    apart = beside.points[:, :2] - proposal.points[:, :2]
+    left = np.column_stack((-np.sin(proposal.points[:, HEADING]), np.cos(proposal.points[:, HEADING])))
+    assert apart == pytest.approx(0.1 * left) and beside.steering_angle > proposal.steering_angle
+    lap["driven"], line["until"] = 3.0, 5.0  # the judge took another proposal
+    assert propose_line(remembered, motion, limiter, 0.0).state == AWAY and not line["follows"]
 
 
-@each("away", [3.0, None])
-def test_something_new_on_the_line_is_seen(away):
-    points = np.zeros((64, 4))
-    points[:, 0] = 0.25 * np.arange(64)
-    walls = lines([(-20.0, -1.0), (20.0, -1.0)], [(-20.0, 1.0), (20.0, 1.0)])
-    if away is not None:
-        walls = np.concatenate((walls, lines(box(away, -0.1, away + 0.2, 0.1))))
+@each(("away", "width", "free"), [(5.0, 2.0, True), (5.0, 0.2, True), (1.2, 0.2, False), (1.2, 0.0, True)])
+def test_on_known_ground_only_what_is_in_the_way_counts_and_the_car_stops_before_it(away, width, free):
+    """Walls are .21 m beside the middle of the car; a box of some width stands on the way. It drives at 4 m/s."""
+    walls = lines([(-20.0, -0.21), (20.0, -0.21)], [(-20.0, 0.21), (20.0, 0.21)])
+    if width > 0.0:
+        half = min(0.5 * width, 0.2)
+        walls = np.concatenate((walls, lines(box(away, -half, away + 0.2, half))))
     ranges = seen_from(walls, CAR.lidar_offset, 0.0, BEARINGS)
-    free = free_on(points, 0.25, GEOMETRY, ranges, CAR_ROW)
-    assert free == pytest.approx(away, abs=0.3) if away is not None else free == math.inf
+    path = np.zeros((40, 4))
+    path[:, 0] = 0.25 * np.arange(1, 41)
+    widened = widen_all(ranges, INCREMENT, 0.22)  # in which the walls are in the way
+    limiter = LIMITER.record[0]
+    known = situation(limiter, widened, 0.0, 4.0, angle_min=BEARINGS[0], increment=INCREMENT, ranges=ranges)
+    met = simulate(known, Plan(0.0, 0.0, path, 4.0, 0.0), 1.0, 4.0)
+    assert (met.what == FREE) == free
+    stop = 4.0**2 / (2.0 * LIMITER.braking) + CAR.length - CAR.rear_overhang
+    assert (stop < away) == free or width == 0.0
+    assert simulate(known._replace(known=False), Plan(0.0, 0.0, path, 4.0, 0.0), 1.0, 4.0).what != FREE
+
+
+@each("away", [4.0, 9.0])
+def test_along_a_path_with_speeds_the_car_goes_on(away):
+    """To stop there would be free; it drives on to what stands 4 m ahead, or to the end of the path of 5 m."""
+    ranges = seen_from(lines(box(away, -0.2, away + 0.2, 0.2)), CAR.lidar_offset, 0.0, BEARINGS)
+    path = np.zeros((20, 5))
+    path[:, 0], path[:, 4] = 0.25 * np.arange(1, 21), 3.0
+    known = situation(LIMITER.record[0], ranges, 0.0, 3.0, angle_min=BEARINGS[0], increment=INCREMENT, ranges=ranges)
+    on, stop = (simulate(known, Plan(0.0, 0.0, points, 3.0, 0.0), 1.0, 3.0) for points in (path, path[:, :4].copy()))
+    assert stop.what == FREE and (on.what == FREE) == (away > 5.0)
+    assert on.speed == pytest.approx(3.0 if away < 5.0 else 0.0, abs=0.3)
 
 
 def test_laps_after_the_first_are_faster_and_no_tire_slides():

@@ -37,17 +37,18 @@ def odometry_of(speed=0.0, steering_angle=0.0):
 
 def situation(
     limiter, widened, angle, speed, *, movers=(), ground=None, radius=0.17, angle_min=None, increment=INCREMENT,
-    **settings,
+    ranges=None, **settings,
 ):  # fmt: skip
-    """What the judge knows, of widened readings (n,) [m]; straight ahead in their middle."""
+    """What the judge knows, of widened readings (n,) [m], straight ahead in their middle; of `ranges`: ground known."""
     values = for_car(JudgeSettings(**settings), CAR)
     row = np.array([record_values(values)], record_type(JudgeSettings))[0]
     geometry = np.zeros(1, SCAN_GEOMETRY)[0]
     geometry["angle_min"] = -0.5 * increment * (len(widened) - 1) if angle_min is None else angle_min
     geometry["angle_increment"], geometry["range_max"] = increment, 30.0
     return Situation(
-        limiter, np.zeros(1, LIMITER_MEMORY)[0], row, geometry, widened, radius, np.array(movers).reshape(-1, 12),
-        np.zeros(1, FRONTIER_SEARCH)[0] if ground is None else ground, float(angle), float(speed), 0.025,
+        limiter, np.zeros(1, LIMITER_MEMORY)[0], row, geometry, widened if ranges is None else ranges, widened, radius,
+        np.array(movers).reshape(-1, 12), np.zeros(1, FRONTIER_SEARCH)[0] if ground is None else ground, float(angle),
+        float(speed), 0.025, ranges is not None,
     )  # fmt: skip
 
 
