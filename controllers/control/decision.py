@@ -22,11 +22,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
 from ..perception.scan_filters import widen_all
-from ..perception.scan_geometry import beams_between, period_of
+from ..perception.scan_geometry import beams_between, period_of, sees
 from ..safety.braking_trajectories import safe_speed
 from ..safety.guidance import (
     MOTION_LEADS,
@@ -39,7 +41,7 @@ from ..safety.guidance import (
     path_ahead,
     stop_ahead,
 )
-from ..safety.judge import Wanted, brake_alone, judge, take
+from ..safety.judge import Wanted, brake_alone, judge, judge_own, take
 from ..safety.line_following import on_line
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
@@ -50,6 +52,7 @@ from .planner_settings import Record
 from .reasons import (
     AFTER_RECOVERY,
     AHEAD,
+    DECIDED,
     LAST_PLAN,
     LAW,
     LOCK,
@@ -57,17 +60,24 @@ from .reasons import (
     MEAN_RANGE,
     MOTION,
     MOVES,
+    NO_JUDGE,
     NO_PLAN,
+    NO_POINTS,
     NO_REFERENCE,
+    NOT_FINITE,
     ON_LINE,
     PLAN_IN_TIME,
     PLANNER,
     RECOVERY,
     REFERENCE,
+    REVERSES,
     SAFETY_FILTER,
     SIGHT,
     STOP,
+    TOO_MANY,
+    TOO_SHARP,
     forget_reasons,
+    log_left_out,
     log_step,
 )
 from .reasons import GUIDANCE as GUIDED
@@ -75,9 +85,12 @@ from .slip import held_arc, to_velocity_frame
 from .speed import distance_ahead_speed, friction_speed
 from .stages import Stage, Tick
 from .steering import saturate
+from .tracking import CURVATURE
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on among targets where its reference is slower
 _NO_MOVES = 2.0  # [m] from a target the car does not turn in moves
+_MOST_OWN = 8  # motions of stages of the user's that are simulated in a tick
+_COLUMNS = CURVATURE + 1  # of a motion
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 
@@ -94,7 +107,7 @@ def begin(tick: Tick) -> None:
     driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
     reasons, slip, frame, geometry = memory.reasons, driver.limiter.slip, memory.velocity_frame, tick.geometry
     forget_reasons(reasons, memory.judge.proposals)
-    memory.judge.line.contact = math.inf
+    memory.judge.line.contact, memory.judge.own = math.inf, 0
     if slip.needs_slip_angle:
         command = memory.speedometer.command * (1.0 + memory.speedometer.error)
         command += frame.excess if command != 0.0 else 0.0
@@ -215,6 +228,54 @@ def drive_filtered(tick: Tick) -> None:
         drive_line(tick, best)
     else:
         _actuate(tick, SAFETY_FILTER, best)
+
+
+@kernel
+def propose(tick: Tick, path: FloatArray, speed: float) -> bool:
+    """Propose a motion to the judge in place of the planner's; return whether the car drives it: it can stop on it.
+
+    A stage calls it at `after_guidance`. What no car can follow is left out, and so is more than eight in a tick;
+    `reasons()` says so.
+
+    Args:
+      tick: of one world; its command is written to.
+      path: motion (n, 4) in the frame of the rear axle, from where it is on: x, y [m], heading [rad], curvature [1/m].
+      speed: that is commanded [m/s]; the friction limiter slows the car for bends.
+    """
+    memory, fault = tick.memory, _fault_in(tick, path, speed)
+    if fault >= 0:
+        log_left_out(memory.judge.proposals, fault)
+        return False
+    memory.judge.own += 1
+    speed = min(speed, tick.reference.limit, tick.driver.max_speed)
+    if not judge_own(look_round(tick, False), np.ascontiguousarray(path), speed, memory.judge):
+        return False
+    extend_path_history(tick.record)
+    _actuate(tick, SAFETY_FILTER, memory.judge.best)
+    tick.record.decided = True
+    return True
+
+
+@kernel
+def _fault_in(tick: Tick, path: FloatArray, speed: float) -> int:
+    """Return why a motion is left out, as in `reasons`; -1: it is not."""
+    odometry, car = tick.odometry, tick.driver.car
+    if not (tick.driver.safety_filter and sees(tick.geometry, tick.ranges)):
+        return NO_JUDGE
+    if not math.isfinite(odometry.speed + odometry.steering_angle):
+        return NO_JUDGE
+    if tick.record.decided:
+        return DECIDED
+    if tick.memory.judge.own >= _MOST_OWN:
+        return TOO_MANY
+    if path.shape[0] == 0 or path.shape[1] != _COLUMNS:
+        return NO_POINTS
+    if not math.isfinite(speed) or not np.isfinite(path).all():
+        return NOT_FINITE
+    if speed < 0.0:
+        return REVERSES
+    most = 1.001 * math.tan(car.max_steering_angle) / car.wheelbase
+    return TOO_SHARP if np.abs(path[:, CURVATURE]).max() > most else -1
 
 
 @inlined

@@ -47,7 +47,7 @@ _STEPS = (
 REASONS = (np.float64, (len(_STEPS), 2))
 """Type of what is kept of a decision: steering angle [rad] and speed [m/s] after each step; NaN: it did not apply."""
 
-REFERENCE, STOP, ASIDE, AS_IT_STANDS, BESIDE, MOTION, LAST_STOP, ON_LINE = range(8)
+REFERENCE, STOP, ASIDE, AS_IT_STANDS, BESIDE, MOTION, LAST_STOP, ON_LINE, OWN, LEFT_OUT = range(10)
 """Why something was proposed, see safety.judge."""
 
 _WHY = (
@@ -59,12 +59,23 @@ _WHY = (
     ("motion", "braking along the motion of guidance"),
     ("last stop", "braking along the motion on which the car could last stop"),
     ("line", "the remembered line, at its speed or braking"),
+    ("of a stage", "a motion that a stage of your own proposed"),
+    ("left out", "a motion that a stage of your own proposed"),
 )
 PROPOSALS = (np.float64, (len(_WHY), 5))
 """Type of what was proposed: the command's steering angle [rad] and speed [m/s] (NaN: it was not), the speed [m/s] at
 which the car would have met something, when [s], and what, see rollout. Of several with one name the best one."""
 
 _MET = ("nothing", "what stands", "what moves")
+
+NOT_FINITE, NO_POINTS, TOO_SHARP, REVERSES, TOO_MANY, DECIDED, NO_JUDGE = range(7)
+"""Why a motion that a stage proposed is left out."""
+
+_LEFT_OUT = (
+    "a number in it is not finite", "it has no points", "it bends more sharply than the wheels can turn",
+    "its speed is below 0", "eight were proposed before it in this tick", "the command is decided already",
+    "the planner has no safety_filter, or there is no scan or no odometry",
+)  # fmt: skip
 
 
 class Reason(NamedTuple):
@@ -101,6 +112,16 @@ def log_proposal(
         row[0], row[1], row[2], row[3], row[4] = steering_angle, speed, met[0], met[1], met[2]
 
 
+@inlined
+def log_left_out(proposals: FloatArray, fault: int) -> None:
+    """Write that a stage's motion is left out into a table of type PROPOSALS: the first fault, and how many more."""
+    row = proposals[LEFT_OUT]
+    if math.isnan(row[1]):
+        row[0], row[1], row[2], row[3], row[4] = 0.0, 0.0, 0.0, 0.0, fault
+    else:
+        row[2] += 1.0
+
+
 def reasons_in(reasons: FloatArray, judged: np.void) -> list[Reason]:
     """Return the steps of a decision that applied, in their order; none where nothing was decided yet.
 
@@ -124,7 +145,10 @@ def _proposals_in(judged: np.void) -> list[Reason]:
     for why, (name, text) in enumerate(_WHY):
         steering_angle, speed, met, time, what = judged["proposals"][why].tolist()
         if not math.isnan(speed):
-            says = "meets nothing" if what == 0 else f"meets {_MET[int(what)]} at {met:.2f} m/s after {time:.2f} s"
+            if why == LEFT_OUT:
+                says = _LEFT_OUT[int(what)] + (f", and {met:.0f} more are left out" if met > 0.0 else "")
+            else:
+                says = "meets nothing" if what == 0 else f"meets {_MET[int(what)]} at {met:.2f} m/s after {time:.2f} s"
             won = " and is driven" if why == judged["best"]["why"] else ""
             found.append(Reason(f"proposal: {name}", steering_angle, speed, f"{text}; {says}{won}", True))
     return found

@@ -5,6 +5,8 @@ meets nothing wins. Where each meets something, the one that does so slowest win
 slow. So a planner's reference is driven as long as the car could stop afterwards, and all below it is there for when it
 could not:
 
+of a stage    a motion of a stage of the user's (decision.propose)
+line          the remembered line (lap_raceline)
 reference     what the planner or guidance wants, at its speed: along an arc, or along a motion
 stop          the same, braking: the stop of the last tick, which needs half of the margins
 aside         in another direction, no faster than the crawl speed; those with the longest view first
@@ -39,6 +41,7 @@ from ..control.reasons import (
     BESIDE,
     LAST_STOP,
     MOTION,
+    OWN,
     PROPOSALS,
     REFERENCE,
     STOP,
@@ -72,6 +75,7 @@ JUDGE = np.dtype(
         ("best", BEST),  # of this tick
         ("second", BEST),  # that it is compared with; kernels keep no record but in a memory
         ("line", BEST),  # on the remembered line, or beside it
+        ("own", np.int64),  # how many motions stages of the user's proposed in this tick
         ("proposals", *PROPOSALS),  # of the last decision; written, and never read
     ]
 )
@@ -139,9 +143,7 @@ def judge(here: Situation, wanted: Wanted, memory: Record) -> None:
         _stay_near(here, wanted, proposals, best, memory.second)
         return
     if len(wanted.last_stop) > 0 and here.speed > settings.standing_speed:
-        car, slip = here.limiter.car, here.limiter.slip
-        late, path_late = late_by(car), late_on_path(slip, car, here.speed)
-        on_it = steer_along(wanted.last_stop, 0, (0.0, 0.0, 0.0), here.speed, car.wheelbase, late, path_late)
+        on_it = _steering_on(here, wanted.last_stop)
         for margin in (settings.margin_kept * settings.margin_aside, 0.0):
             last = _plan(here, on_it, wanted.last_stop, 0.0, margin)
             if consider(here, LAST_STOP, on_it, last, _BRAKING, proposals, best):
@@ -164,6 +166,26 @@ def brake_alone(here: Situation, wanted: Wanted, memory: Record) -> bool:
             take(memory.best, found)
             return True
     return False
+
+
+@kernel
+def judge_own(here: Situation, path: FloatArray, speed: float, memory: Record) -> bool:
+    """Take a motion that a stage of the user's proposed, if the car can stop on it; `memory` is of type JUDGE."""
+    found, angle = memory.second, _steering_on(here, path)
+    found.contact = math.inf
+    plan = Plan(0.0, 0.0, path, speed, here.settings.margin_aside)
+    if consider(here, OWN, angle, plan, _USES, memory.proposals, found):
+        take(memory.best, found)
+        return True
+    return False
+
+
+@kernel
+def _steering_on(here: Situation, path: FloatArray) -> float:
+    """Return the steering angle [rad] that keeps the car on a motion from here."""
+    car, slip = here.limiter.car, here.limiter.slip
+    late, path_late = late_by(car), late_on_path(slip, car, here.speed)
+    return float(steer_along(path, 0, (0.0, 0.0, 0.0), here.speed, car.wheelbase, late, path_late))
 
 
 @kernel
