@@ -53,7 +53,7 @@ from ..control.tracking import steer_along
 from .rollout import FREE, Plan, Situation, reading, simulate, without_movers
 
 _USES = np.array([0.5, 1.0, 0.75, 0.25])  # shares of the grip for cornering, in this order: the limiter's own first
-_BRAKING = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # the same where the car corners as little as it can
+_BRAKING = np.append(_USES, 0.0)  # the same of a stop: a car that brakes straight on loses the bend that it is in
 _BRAKES_FIRST = np.array([0.0, 0.25])
 _BESIDE = 0.06  # [rad] of steering from the reference, within which a direction is driven as fast as the reference
 _WIDEST = 1.8  # [rad] to either side; directions further back are not simulated

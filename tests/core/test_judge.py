@@ -68,6 +68,13 @@ def test_a_reference_that_passed_goes_on_where_a_new_one_would_not():
     assert kept - bare == pytest.approx(0.5 * margin, abs=0.006)
 
 
+def test_a_stop_keeps_the_way_of_the_reference_where_it_is_free():
+    found = [judged(wall_ahead(d), 0.02, 0.02, reference_speed=6.0, kept=True)[0] for d in np.arange(1.5, 4.0, 0.01)]
+    uses = [float(best["use"]) for best in found if best["why"] == STOP and best["contact"] == 0.0]
+    # nearest to the wall it brakes straight on; farther away it corners with the limiter's own share of the grip
+    assert uses == sorted(uses) and set(uses) == {0.0, 0.5}
+
+
 @each("reference", [-0.2, 0.0, 0.1])
 def test_where_nothing_is_near_the_reference_stands_to_the_bit(reference):
     best, proposals = judged(np.full(BEAMS, 30.0), reference)
