@@ -57,7 +57,7 @@ from .assist import ASSISTS, STAGES, names_in, stages_of
 from .driving import DrivingSettings, driver_record, refer, refer_to_goal
 from .planner_batch import PlannerBatch
 from .planner_settings import for_car, for_method, record_type, record_values
-from .reasons import Reason, reasons_in
+from .reasons import Reason
 from .stages import NO_MEMORY, Stage, Step, Tick
 
 _motion_of = attrgetter(*ODOMETRY.names or ())
@@ -250,8 +250,7 @@ class Planner(Remade):
 
         What was proposed to the judge is among them, with what it would have met.
         """
-        memory = self._alone.memory[0]
-        return reasons_in(memory["reasons"], memory["judge"])
+        return self._alone.reasons(0)
 
     def motion(self) -> FloatArray:
         """Return the motion along which guidance led the car in the last decision; no points where the planner drove.

@@ -30,6 +30,7 @@ from ..safety.braking_trajectories import TRAJECTORIES
 from .decision import begin, drive
 from .driving import DRIVING_MEMORY, TICK
 from .planner_settings import record_type
+from .reasons import Reason, reasons_in
 from .stages import NO_MEMORY, STAGE_ARRAYS, BatchArrays, Stage, Step, call_all, see_at, stage_at
 
 _NO_TRAJECTORIES = np.zeros(1, TRAJECTORIES)
@@ -143,6 +144,11 @@ class PlannerBatch:
         call_all(self._calls)
         if written is not commands:
             commands[:] = written
+
+    def reasons(self, world: int) -> list[Reason]:
+        """Return the change that each step made to a world's last command, see `Planner.reasons`."""
+        memory = self.memory[world]
+        return reasons_in(memory["reasons"], memory["judge"])
 
     def take_readings(self, world: int, readings: Mapping[str, Reading]) -> None:
         """Take the readings of the sensors of a world's car; see ControllerBatch."""

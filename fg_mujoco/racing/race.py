@@ -53,6 +53,7 @@ from .setup import Setup, SetupKeywords
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+    from ..simulation.planner_adapter import DecisionStep
     from ..simulation.planner_failure import PlannerFailure
 
 _LATE = END_REASONS.index("decision_limit")
@@ -175,6 +176,7 @@ def _race(setup: Setup, watch: Callable[[RaceProgress], None] | None) -> RaceRes
                 position=order.index(row) + 1, ticks=int(ended[row]),
                 failure=None if failure is None else failure.failure,
                 seconds=clock.seconds if alone else timed[row].seconds,
+                decided=adapted[row].last_decision(0),
                 touched=sum(names[row] in contact.cars for contact in control.contacts),
                 put_back=control.wall_contacts[row],
             )
@@ -284,6 +286,7 @@ def _car_result(
     ticks: int,
     failure: PlannerFailure | None,
     seconds: Sequence[float],
+    decided: tuple[DecisionStep, ...],
     touched: int,
     put_back: int,
 ) -> CarResult:
@@ -299,7 +302,7 @@ def _car_result(
         controller=source if isinstance(source, str) else type(planner).__name__,
         controller_origin=origin(source, type(planner)) | {"files": files},
         controller_source=source_code(type(planner)),
-        planner_failure=failure, collisions_car=touched,
+        planner_failure=failure, last_decision=decided, collisions_car=touched,
         decision_times=DecisionTimes.of(seconds, engine.beams.period), planner_settings=settings,
         assist=getattr(planner, "assist", "none"),
         end_time_s=float(own["states"][-1, 0]), telemetry=arrays["telemetry"],

@@ -23,6 +23,7 @@ from .decision_times import FEWEST, MOST, DecisionTimes
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
+    from ..simulation.planner_adapter import DecisionStep
     from ..simulation.planner_failure import PlannerFailure
     from ..simulation.settings import Start
     from ..simulation.world import World
@@ -58,6 +59,7 @@ class CarResult(Suggesting):
     wrong_way: WrongWay | None  # where the car turned; None: its race did not end by going the wrong way
     crash: Crash | None  # into what, where, when, how fast; None: its race did not end in a crash
     planner_failure: PlannerFailure | None  # where and why the planner failed; None: it did not
+    last_decision: tuple[DecisionStep, ...]  # what each step made of the last command, as the planner tells it
     collisions_wall: int  # with walls and obstacles
     collisions_car: int  # contacts with other cars
     max_slide_m_s: float  # greatest sliding speed of any tire (`TireSlip.sliding_speed`); NaN of tires without a peak
@@ -182,6 +184,7 @@ class CarResult(Suggesting):
         values = {name: getattr(self, name) for name in _OF_A_CAR}
         for name in ("wrong_way", "crash", "decision_times", "lidar_effects", "start"):
             values[name] = None if values[name] is None else asdict(values[name])
+        values["last_decision"] = [step._asdict() for step in self.last_decision]
         failure = self.planner_failure
         sensors = {"sensors": [sensor.described() for sensor in self.entry.sensed]} if self.entry.sensed else {}
         return values | {"planner_failure": None if failure is None else failure.summary()} | sensors
@@ -190,7 +193,7 @@ class CarResult(Suggesting):
 _OF_A_CAR = (
     "name", "position", "vehicle", "vehicle_sha256", "tires", "tires_model", "tires_sha256", "controller",
     "controller_origin", "assist", "laps_completed", "lap_times_s", "finished", "end_reason", "end_time_s",
-    "wrong_way", "crash", "planner_failure", "collisions_wall", "collisions_car", "max_slide_m_s",
+    "wrong_way", "crash", "planner_failure", "last_decision", "collisions_wall", "collisions_car", "max_slide_m_s",
     "max_lateral_slide_m_s",
     "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "decision_times", "clamped_commands", "seed", "mu",
     "floor", "planner_mu", "speed_limit_m_s", "lidar_effects", "odometry_drift", "planner_settings", "start",

@@ -132,6 +132,7 @@ _WORDS = {
     str: "a text", int: "a whole number from 0", float: f"a number within {_GREATEST:.0e}", bool: "true or false",
     dict: "values by name",
 }  # fmt: skip
+_STEP = {"name": str, "steering_angle_rad": float | None, "speed_m_s": float | None, "text": str}
 _FAILURE = {
     "error": str, "time_s": float, "file": str | None, "line": int | None, "traceback": str | None, "scan": str | None
 }  # fmt: skip
@@ -150,6 +151,7 @@ _TESTS: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
     "lidar_effects": ("the fields of LidarEffects, and no file's name", _is_effects),
     "settings": ("settings by name, time_limit above 0", _is_settings),
     "cars": (f"a row of values for each of up to {GREATEST_CARS} cars", _are_cars),
+    "last_decision": (_WRITTEN, lambda value: isinstance(value, list) and all(_fits(each, _STEP) for each in value)),
     "planner_failure": (_WRITTEN, lambda value: _fits(value, _FAILURE) and {*_FAILURE} - {"scan"} <= set(value)),
     "sensors": (
         _WRITTEN, lambda value: _fits(value, tuple[dict[str, Any], ...]) and all("sensor" in each for each in value)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,6 +129,32 @@ class Planners(Protocol):
         """Write the commands of the cars that they drive; return whose planner failed, or None: nobody's."""
 
 
+class DecisionStep(NamedTuple):
+    """What one step made of a planner's command, as its `reasons()` tells it."""
+
+    name: str
+    steering_angle_rad: float | None  # after it; None: there is none
+    speed_m_s: float | None
+    text: str  # what the step does, or what a proposal would have met
+
+
+def _steps_of(planners: object, *row: int) -> tuple[DecisionStep, ...]:
+    """Return the steps that planners tell by a method `reasons`; none, if they do not, or in another form."""
+    tell = getattr(planners, "reasons", None)
+    try:
+        return () if tell is None else tuple(_step(*told) for told in tell(*row))
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
+        return ()
+
+
+def _step(name: str, steering_angle: float, speed: float, text: str = "", *_: object) -> DecisionStep:
+    """Return a step of a decision, whose numbers are None where they are not finite."""
+    angle, speed_m_s = (float(value) if math.isfinite(value) else None for value in (steering_angle, speed))
+    return DecisionStep(str(name), angle, speed_m_s, str(text))
+
+
 class MessagePlanners:
     """Planners that are called with messages in turn; an error is noted; `timed`, where it is given, decides."""
 
@@ -136,6 +162,10 @@ class MessagePlanners:
         self._planners, self._timed = planners, timed
         self._asking = [hasattr(type(planner), "look_round") for planner in planners]
         self.failures: dict[int, PlannerError] = {}
+
+    def last_decision(self, row: int) -> tuple[DecisionStep, ...]:
+        """Return what each step made of a car's last command; none of a planner that does not say so."""
+        return _steps_of(self._planners[row])
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners; PlannerError: a planner raises, or answers something else than a DriveCommand."""
@@ -182,6 +212,10 @@ class BatchPlanners:
                 raise
             return self.failed(error, cars)
         return None if np.isfinite(cars.commands).all() else self.refused(cars)
+
+    def last_decision(self, row: int) -> tuple[DecisionStep, ...]:
+        """Return what each step made of a car's last command; none of planners that do not say so."""
+        return _steps_of(self._planners, row)
 
     def compiled_calls(self, cars: Cars) -> Calls | None:
         """Return the calls that decide for these cars, see ControllerBatch; None: there are none."""
@@ -278,7 +312,7 @@ def adapt(
     *,
     arrays: bool = True,
     timed: Callable[[Decide], DriveCommand] | None = None,
-) -> Planners:
+) -> MessagePlanners | BatchPlanners:
     """Return the adapter for some planners, as new, in the order of the cars.
 
     Args:

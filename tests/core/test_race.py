@@ -14,10 +14,12 @@ import fg_mujoco as fg
 from cases import each
 from conftest import Straight
 from fg_mujoco.compiled import kernels
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import add_row, end_row
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 race_module = importlib.import_module("fg_mujoco.racing.race")  # fg_mujoco.racing.race is the function
 TICK = 0.025
@@ -346,3 +348,25 @@ def test_the_hash_is_of_every_bit_of_states_and_controls(short_race):
     again = fg.race("oval", Straight(), laps=1, time_limit=0.99)
     assert again.trajectory_sha256 == digest
     assert fg.race("oval", Straight(0.3), laps=1, time_limit=0.99).trajectory_sha256 != digest
+
+
+def test_a_result_has_the_steps_of_the_last_decision_as_the_planner_tells_them():
+    planner = make_controller("gap_finder", car=Vehicle.load().parameters, mu=1.0489, max_speed=8.0)
+    given = fg.race("oval", planner, laps=1, time_limit=0.5).car
+    told = [(reason.name, reason.speed, reason.text) for reason in planner.reasons()]
+    assert [(step.name, step.speed_m_s, step.text) for step in given.last_decision] == told
+    named = fg.race("oval", "gap_finder", laps=1, time_limit=0.5)  # it is given arrays
+    assert {"planner", "proposal: reference", "friction limiter"} <= {step.name for step in named.car.last_decision}
+    assert named.summary()["cars"][0]["last_decision"][0]["steering_angle_rad"] is None
+
+
+@each(("told", "steps"), [([("own", 0.1, 2.0)], 1), ([("own", 0.1)], 0), (RuntimeError("no"), 0)])
+def test_a_planner_that_tells_nothing_or_in_another_form_has_no_steps(told, steps):
+    class Telling(Recorder):
+        def reasons(self):
+            if isinstance(told, Exception):
+                raise told
+            return told
+
+    car = fg.race("oval", Telling(lambda t: (0.0, 1.0)), laps=1, time_limit=0.1).car
+    assert [tuple(step) for step in car.last_decision] == [("own", 0.1, 2.0, "")] * steps

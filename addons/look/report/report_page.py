@@ -50,6 +50,7 @@ _BODY = """{head}
 <div class="plots">{time}</div>
 <div class="columns"><div><h2>g-g diagram</h2><p class="note">In the circle of μ g = {grip} m/s².</p>{gg}</div>
 <div class="grow"><h2>Sliding</h2>{slides}</div></div>
+{decision}
 <h2>Settings, versions, hashes</h2>{settings}"""
 
 
@@ -112,7 +113,7 @@ def write_report(
         map=places["map"], laps=sections.laps(laps, summary), clip=sections.clip(film, whose),
         across=switch("across", _AXES), time=places["time"], grip=f"{grip:.2f}", gg=places["gg"],
         slides=sections.events(events, run.tires_model, measured=summary["max_slide_m_s"] is not None),
-        settings=sections.settings(run),
+        decision=sections.last_decision(summary.get("last_decision")), settings=sections.settings(run),
     )  # fmt: skip
     data = {
         "readout": _READOUT,

@@ -175,6 +175,22 @@ def events(events: Sequence[SlideEvent], model: str, *, measured: bool = True) -
     return escaped([note(said), scroll(listed.html())])
 
 
+def last_decision(steps: Sequence[Mapping[str, Any]] | None) -> Html:
+    """Return the steps of the last decision, with what each proposal would have met; nothing, if there are none."""
+    if not steps:
+        return Html()
+    rows = [
+        [step["name"], *(None if step[name] is None else f"{step[name]:.3f}" for name in _NUMBERS), step["text"]]
+        for step in steps
+    ]
+    header = ("step", "steering [rad]", "speed [m/s]", "what it does, or would have met")
+    table = Table(header=header, rows=rows, left=(header[0], header[3]))
+    return html("<h2>The last decision</h2>{table}", table=scroll(table.html()))
+
+
+_NUMBERS = ("steering_angle_rad", "speed_m_s")
+
+
 def clip(clip: Clip | None, whose: str = "") -> Html:
     """Return the video, with the name of the one that it follows, what it takes to have one, or nothing."""
     if clip is None:

@@ -1,5 +1,6 @@
 """The pages of reports: whole, self-contained, refused where they cannot be; in a browser, cursor and switches."""
 
+import importlib.util
 import json
 import re
 import shutil
@@ -48,6 +49,7 @@ def test_page_says_how_the_race_went_runs_its_own_scripts_by_hash_and_loads_noth
     assert "oval, gap_finder" in text and lap.trajectory_sha256 in text
     assert f"1 of 1 laps, best {lap.car.lap_times_s[0]:.3f} s; no tire slid." in text
     assert f"<td>mu</td><td><code>{lap.car.mu}</code></td>" in text
+    assert "<h2>The last decision</h2>" in text and "proposal: reference" in text and "meets nothing" in text
 
 
 @each("begins, at", [(0.0, "0.000"), (0.09, "0.100")])
@@ -66,7 +68,8 @@ def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_pat
 
 
 def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsys):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    real = importlib.util.find_spec
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "bokeh" else real(name))
     assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
     assert f"report.html is left out; report pages need Bokeh: {install_command('report')}" in capsys.readouterr().err
     assert not (here / "run" / "report.html").exists()
@@ -180,7 +183,7 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
             line = refused(tmp_path, capsys, "report", str(copy), "--no-clip")
             assert f"summary.json: {path[0]} is " in line
             count += 1
-    refusals = 42 + len(summary["files"])
+    refusals = 42 + len(summary["files"]) + 2 * len(summary["last_decision"])
     assert (taken["controller"], taken["track"], taken["vehicle"], count) == (MARKUP, MARKUP, MARKUP, refusals)
     (copy / "summary.json").write_text(json.dumps(taken))
     assert main(["report", str(copy), "--no-clip"]) == 0
