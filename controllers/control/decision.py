@@ -41,7 +41,7 @@ from ..safety.guidance import (
     path_ahead,
     stop_ahead,
 )
-from ..safety.judge import Wanted, brake_alone, judge, judge_own, take
+from ..safety.judge import Wanted, judge, judge_own, take
 from ..safety.line_following import on_line
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
@@ -213,10 +213,7 @@ def drive_filtered(tick: Tick) -> None:
     memory.judge.passed = found and best.why <= STOP
     if found and best.why == REFERENCE and guided:
         keep_stop(guidance)
-    if cars and not memory.judge.passed and brake_alone(here, wanted, memory.judge):
-        if reference.lane_points > 0:
-            best.use = 1.0  # beside another car it has to follow the course
-    elif driver.recovery and _recovers(here, tick, found, best):
+    if driver.recovery and _recovers(here, tick, found, best):
         _actuate(tick, RECOVERY, best)
         return
     elif not found and best.why != ON_LINE:

@@ -50,7 +50,7 @@ from ..control.reasons import (
 from ..control.slip import held_arc, late_on_path, path_lag
 from ..control.steering import bearing_of_arc, late_by, pursue
 from ..control.tracking import steer_along
-from .rollout import FREE, Plan, Situation, reading, simulate, without_movers
+from .rollout import FREE, Plan, Situation, reading, simulate
 
 _USES = np.array([0.5, 1.0, 0.75, 0.25])  # shares of the grip for cornering, in this order: the limiter's own first
 _BRAKING = np.append(_USES, 0.0)  # the same of a stop: a car that brakes straight on loses the bend that it is in
@@ -150,22 +150,6 @@ def judge(here: Situation, wanted: Wanted, memory: Record) -> None:
                 return
     if wanted.guided:  # it is free, as far as its search could tell
         best.why, best.steering_angle, best.use = REFERENCE, angle, 1.0
-
-
-@kernel
-def brake_alone(here: Situation, wanted: Wanted, memory: Record) -> bool:
-    """Take a stop on the way of the reference, if nothing that stands is in it; return whether there is one.
-
-    Before another car the car brakes, and corners only as far as walls make it. `memory` is of type JUDGE.
-    """
-    alone, settings, found, path = without_movers(here), here.settings, memory.second, wanted.path
-    margin = settings.margin_kept * (settings.margin if len(path) == 0 else settings.margin_aside)
-    plan, found.contact = _plan(here, wanted.steering_angle, path, 0.0, margin), math.inf
-    for uses in (_BRAKES_FIRST, _USES[:3]):
-        if consider(alone, STOP, wanted.steering_angle, plan, uses, memory.proposals, found):
-            take(memory.best, found)
-            return True
-    return False
 
 
 @kernel

@@ -12,7 +12,7 @@ from fg_mujoco.controllers.control.steering import bearing_of_arc, pursue
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.perception.local_map import FREE as FREE_GROUND
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.controllers.safety.judge import JUDGE, JudgeSettings, Wanted, brake_alone, judge
+from fg_mujoco.controllers.safety.judge import JUDGE, JudgeSettings, Wanted, judge
 from fg_mujoco.controllers.safety.rollout import MOVES, STANDS, Plan, reading, simulate
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -89,16 +89,6 @@ def test_a_reference_into_a_box_is_left_for_a_way_past_it_and_the_table_says_why
     assert best["contact"] == 0.0 and best["why"] == ASIDE and best["steering_angle"] < 0.15
     assert proposals[REFERENCE, 4] == STANDS and proposals[REFERENCE, 2] > 0.0 and 0.0 < proposals[REFERENCE, 3] < 1.0
     assert proposals[ASIDE, 2] == 0.0
-
-
-def test_only_a_stop_that_what_stands_leaves_free_takes_the_place_of_the_best_proposal():
-    """So it is where another car is in the way, of a planner that follows cars by rules of its own."""
-    for ranges, stops in ((np.full(BEAMS, 0.6), False), (np.full(BEAMS, 30.0), True)):
-        here, memory = situation(LIMITER.record[0], ranges, 0.0, 4.0), np.zeros(1, JUDGE)[0]
-        memory["best"]["why"], memory["best"]["steering_angle"], memory["proposals"] = ASIDE, -0.1, math.nan
-        before = memory["best"].copy()
-        assert brake_alone(here, Wanted(0.15, 4.0, NO_PATH, False, NO_PATH, False), memory) == stops
-        assert (memory["best"] == before) == (not stops) and (memory["best"]["why"] == STOP) == stops
 
 
 def test_what_a_car_meets_first_is_named():
