@@ -106,7 +106,7 @@ def apply_limits_of(
     log_step(reasons, LOCK, saturate(steering_angle, car.max_steering_angle), speed)
     target, allowed = held_on_circle(limiter, steering_angle, speed, abs(now), least_use)
     log_step(reasons, GRIP, target, allowed)
-    steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period, False)
+    steering, speed = limited(limiter, memory.limiter, (steering_angle, speed), least_use, (angle, now), period, False)
     log_step(reasons, TRANSIENTS, steering, speed)
     if limiter.slip.needs_slip_angle:
         steering = steered(limiter.slip, car, steering, now)

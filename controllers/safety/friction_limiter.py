@@ -231,11 +231,9 @@ def stable_share(limiter: Record, share: float, lateral_use: float, speed: float
 def limited(
     limiter: Record,
     memory: Record,
-    steering_angle: float,
-    speed: float,
+    reference: tuple[float, float],
     least_lateral_use: float,
-    angle_now: float,
-    speed_now: float,
+    present: tuple[float, float],
     period: float,
     planned: bool,
 ) -> tuple[float, float]:
@@ -246,16 +244,15 @@ def limited(
     Args:
       limiter: of type LIMITER.
       memory: of type LIMITER_MEMORY, written to.
-      steering_angle: of the reference [rad].
-      speed: of the reference [m/s], which the scan allows.
+      reference: steering angle [rad] and speed [m/s], which the scan allows.
       least_lateral_use: share of the grip for cornering when the car is far too fast, see FrictionLimiterSettings.
-      angle_now: present steering angle [rad].
-      speed_now: present speed [m/s].
+      present: steering angle [rad] and speed [m/s].
       period: until the next command [s].
       planned: whether the command is one of a stop that is only planned, without 6 and what the last tick leaves.
     """
+    angle_now, speed_now = present
     car, now = limiter.car, abs(speed_now)
-    target, allowed = held_on_circle(limiter, steering_angle, speed, now, least_lateral_use)
+    target, allowed = held_on_circle(limiter, reference[0], reference[1], now, least_lateral_use)
     if limiter.slip.needs_slip_angle:
         target = _held_on_path(limiter, memory.curvature, target, angle_now, now)
     slope = math.tan(angle_now)
@@ -460,5 +457,5 @@ class FrictionLimiter:
         angle, now = odometry.steering_angle, odometry.speed
         least = self.settings.least_lateral_use
         reference = float(steering_angle), float(speed)  # a whole number would compile the kernel anew
-        command = limited(self.record[0], self._memory[0], *reference, least, angle, now, period, False)
+        command = limited(self.record[0], self._memory[0], reference, least, (float(angle), float(now)), period, False)
         return DriveCommand(steering_angle=command[0], speed=command[1])

@@ -113,7 +113,8 @@ def _command(line: Record, limiter: Record, max_speed: float, period: float) -> 
         return False
     steering, speed, _ = reference_on(window, position, aside, turned, spacing, limiter, now, True)
     angle, trial.memory.curvature = arc_angle(slip, car, trial.steering, now), trial.yaw_rate / max(now, _START)
-    steering, speed = limited(limiter, trial.memory, steering, min(speed, max_speed), 1.0, angle, now, period, False)
+    wanted = (steering, min(speed, max_speed))
+    steering, speed = limited(limiter, trial.memory, wanted, 1.0, (angle, now), period, False)
     trial.commands[1:] = trial.commands[:-1].copy()
     trial.commands[0, 0], trial.commands[0, 1] = steered(slip, car, steering, now), speed
     return True

@@ -386,12 +386,19 @@ def fastest_lap(
         if squared[0, i] < grip.max_speed * grip.max_speed:
             by_demand[i] -= by_square[i] * squared[0, i] / demands[i]
     _by_bends(by_demand, own, steps, by_bend)
-    for i in range(n):
-        beyond = abs(bends[i]) - grip.lock
+    return time + _beyond_lock(bends, steps, grip.lock, by_bend)
+
+
+@kernel
+def _beyond_lock(bends: FloatArray, steps: FloatArray, lock: float, by_bend: FloatArray) -> float:
+    """Return the price of curvature beyond the lock [s], and add its derivatives."""
+    price = 0.0
+    for i in range(len(bends)):
+        beyond = abs(bends[i]) - lock
         if beyond > 0.0:
-            time += _LOCK_PRICE * beyond * beyond * steps[i]
+            price += _LOCK_PRICE * beyond * beyond * steps[i]
             by_bend[i] += 2.0 * _LOCK_PRICE * math.copysign(beyond, bends[i]) * steps[i]
-    return time
+    return price
 
 
 @kernel

@@ -116,7 +116,7 @@ def simulate(here: Situation, plan: Plan, use: float, speed: float) -> Met:
             if index + 1 == len(plan.path):
                 break
             aim = min(plan.speed, plan.path[index, SPEED])
-        command = limited(limiter, memory, reference, aim, use, angle, speed, ticks * period, True)
+        command = limited(limiter, memory, (reference, aim), use, (angle, speed), ticks * period, True)
         next_angle = angle + ticks * turned * (command[0] - angle)
         next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
         way = _LONGER * 0.5 * (speed + next_speed) * ticks * period
