@@ -14,7 +14,8 @@
    constant velocity, whose covariance is the same for x and y, is fed with the mean innovation of the ends that belong
    to the thing. So a thing that comes out of cover is measured by the end that leads. Innovations against the velocity
    are summed up (CUSUM): a thing that turns back is noticed after some scans. Its velocity is turned round then, and
-   the place is kept, because it will turn there again.
+   the farthest place it was seen at is kept, because it will turn there again. Where both such places are known it is
+   expected to turn there, at once; if it goes on, both are forgotten.
 4. A target moves if its velocity is `_CERTAIN` standard deviations from zero, and if this scan and one of the last
    0.8 s contradict each other. A standing thing is where a beam ends, so no other beam sees past it. The proof is that
    two of the target's beams end where the earlier scan sees past, or that this scan sees past where the earlier one saw
@@ -65,7 +66,7 @@ _FIRST_SPEED = 2.0  # [m/s] the same, of the velocity of a new one
 _MISFIT = 9.0  # squared innovation over its variance; at the second in turn the velocity is uncertain again
 _TURNED = 3.0  # standard deviations: sum of innovations against the velocity, from which on it has turned
 _ALLOWED = 0.5  # the same, of each innovation, that is not counted
-_UNCERTAIN = 0.3  # of its speed is the standard deviation of one that has turned back
+_UNCERTAIN, _EXPECTED = 0.3, 0.1  # of its speed is the standard deviation of one that has turned back; as expected
 _CERTAIN = 4.0  # standard deviations
 _LEAST_SPEED = 0.25  # [m/s]
 _DRIFT, _TURN_DRIFT = 0.07, 0.06  # share by which odometry may err: of the way, and of the turn
@@ -103,6 +104,7 @@ TARGET = np.dtype(
         ("end", np.int64),  # and the one behind the last
         ("turns", np.int64),  # times that it was seen to turn back
         ("turned", np.float64, (2, 2)),  # x and y [m] of the last two places where it did
+        ("farthest", np.float64, (2,)),  # x and y [m] of the place that is farthest on its way since it turned
     ]
 )
 SNAPSHOT = np.dtype(
@@ -273,6 +275,8 @@ def _predict(target: Record, period: float) -> None:
     for end in range(2):
         target.ends[end, 0] += target.vx * period
         target.ends[end, 1] += target.vy * period
+    if target.moves and target.turns >= 2:
+        _turn_at_end(target)
     change = _ACCELERATION * period
     target.p_place += period * (2.0 * target.p_mixed + period * target.p_speed)
     target.p_mixed += period * target.p_speed
@@ -303,12 +307,14 @@ def _follow(
     cluster.taken = True
     dx, dy, ends = _innovation(target, cluster)
     noise = cluster.variance / max(ends, 1)
+    x = 0.5 * (target.ends[0, 0] + target.ends[1, 0]) + dx  # where it is seen
+    y = 0.5 * (target.ends[0, 1] + target.ends[1, 1]) + dy
     if ends == 0:  # only edges of shadows: it is there, and its motion is not seen
         noise *= 100.0
     sum_of_both = target.p_place + noise
     change, turned = _change_of_speed(target, dx, dy, ends, sum_of_both)
     if turned:
-        _turn_back(target, cluster, dx, dy)
+        _turn_back(target, dx, dy)
         dx = dy = 0.0
     if change > 0.0:
         target.p_place += 0.5 * (dx * dx + dy * dy)
@@ -330,19 +336,42 @@ def _follow(
             target.ends[end, 0], target.ends[end, 1] = cluster.ends[end, 0], cluster.ends[end, 1]
         target.own[end] = cluster.own[end]
     _take(target, cluster)
+    if turned or (x - target.farthest[0]) * target.vx + (y - target.farthest[1]) * target.vy > 0.0:
+        target.farthest[0], target.farthest[1] = x, y
     target.age += 1
     target.unseen = 0.0
     _judge(memory, target, geometry, ranges)
 
 
 @kernel
-def _turn_back(target: Record, cluster: Record, dx: float, dy: float) -> None:
+def _turn_at_end(target: Record) -> None:
+    """Turn a target round that has come to where it turned before last."""
+    end, other, vx, vy = target.turned[target.turns % 2], target.turned[(target.turns - 1) % 2], target.vx, target.vy
+    dx = 0.5 * (target.ends[0, 0] + target.ends[1, 0]) - end[0]
+    dy = 0.5 * (target.ends[0, 1] + target.ends[1, 1]) - end[1]
+    over, square = dx * vx + dy * vy, vx * vx + vy * vy
+    if over < 0.0 or (end[0] - other[0]) * vx + (end[1] - other[1]) * vy < 0.5 * _GATE * math.sqrt(square):
+        return
+    for side in range(2):
+        target.ends[side, 0] -= 2.0 * over * vx / square
+        target.ends[side, 1] -= 2.0 * over * vy / square
+    target.vx, target.vy, target.farthest[:] = -vx, -vy, end
+    target.turns += 1
+    target.against = 0.0
+    target.p_speed += _EXPECTED * _EXPECTED * square
+
+
+@kernel
+def _turn_back(target: Record, dx: float, dy: float) -> None:
     """Turn the velocity of a target round where it is seen now, which is dx, dy [m] from where it was expected."""
     target.vx, target.vy = -target.vx, -target.vy
-    slot = target.turns % 2
-    for axis in range(2):
-        target.turned[slot, axis] = 0.5 * (cluster.ends[RIGHT, axis] + cluster.ends[LEFT, axis])
-    target.turns += 1
+    x, y, last, other = target.farthest[0], target.farthest[1], (target.turns - 1) % 2, target.turns % 2
+    from_last = math.hypot(target.turned[last, 0] - x, target.turned[last, 1] - y)
+    if target.turns >= 2 and from_last < math.hypot(target.turned[other, 0] - x, target.turned[other, 1] - y):
+        target.turns = 0  # it goes on, beyond where it was expected to turn
+    else:
+        target.turned[other, 0], target.turned[other, 1] = x, y
+        target.turns += 1
     for end in range(2):
         target.ends[end, 0] += dx
         target.ends[end, 1] += dy
@@ -504,6 +533,7 @@ def _begin(targets: Record, cluster: Record) -> None:
             target.own[:] = cluster.own
             target.size = 0.0
             _take(target, cluster)
+            target.farthest[:] = cluster.ends[RIGHT]
             target.vx = target.vy = target.unseen = target.still = 0.0
             target.p_place, target.p_mixed = cluster.variance, 0.0
             target.p_speed = _FIRST_SPEED * _FIRST_SPEED

@@ -10,7 +10,8 @@ near a target motions of some 3 s are tried, and the best one is driven for one 
 3. At each time a target is within an interval of its line, which ends where it is expected to turn: at a wall, or where
    it was seen to turn back twice. A motion is free if it touches none of them, and ends where none comes by: a stop in
    the lane of something that crosses is no end. Motions that only use up the margins come next, then those that touch
-   something latest and slowest.
+   something latest and slowest. What is not known to turn elsewhere may turn back now: motions are worth less that
+   would then touch it, the less so the longer the car has waited.
 4. A car that has waited for 3 s and more takes less of the margins of what is known to turn.
 5. Of free motions the one wins that comes farthest in 2 s, with room beside targets and without turning the wheels to
    and fro. As it is chosen from few, the car has to be able to stop before what stands after the next tick, by the
@@ -49,6 +50,9 @@ NO_PLAN, DRIVES, BACKS_OFF = range(3)
 
 BACKING_SPEED = 1.0  # [m/s]
 
+NEAR, FAR, TURNED = range(3)
+"""Columns of spans."""
+
 _NEAR, _BEHIND = 8.0, 1.0  # [m] to targets ahead, and in any direction, among which the car plans
 _STEP, _STEPS = 0.1, 40  # [s] of a motion
 _POINT, _POINTS = 0.15, 56  # [m] between points of a path
@@ -70,6 +74,7 @@ _GOES_ON, _KEPT = 4.0, 0.3  # worth [m] of 1 m of room, and of the last plan
 _PASSED, _ROOM, _ROOM_WAITING = 2.0, 0.6, 0.1  # [m] of way from which on a motion passes; room that counts
 _STEERS, _GOES_ASIDE = 3.0, 0.2  # [m/rad], [-]: cost of turning the wheels, and of a place's way aside
 _TOUCHES, _TIGHT, _PER_METRE = -1000.0, -20.0, 100.0  # score of motions that touch, or use up margins
+_MAY_TURN, _SOON = 5.0, 10  # worth [m] that nothing is touched that turns back at once, in so many steps
 _FREE = -10.0  # a motion with a better score is free
 _TRIED, _STOP_MARGINS = 8, (0.1, 0.05)  # motions whose stops are simulated, [m] with these margins
 _MOST_TURN = 0.03  # [rad] that the wheels turn in a tick
@@ -115,8 +120,9 @@ class Among(NamedTuple):
     onwards: float  # [m/s] at which the car would go on
     room: float  # [m] of way to where the car may only pass
     servo: float  # share of the limiter's rate of turning with which the wheels turn
-    spans: FloatArray  # of targets (m, k, 2) [m], see `_spans`
+    spans: FloatArray  # of targets (m, k, 3) [m], see `_spans`
     reaches: FloatArray  # of targets (k,) [m], see `_reaches`
+    may_turn: float  # worth [m] that a motion touches nothing that turns back at once
 
 
 @kernel
@@ -180,7 +186,8 @@ def _look_among(here: Situation, goal: tuple[float, float], onwards: float, bold
     room = far - _NEAREST + (passing * passing - _PASSING * _PASSING) / (2.0 * _SLOWING * limiter.braking)
     response, towards = limiter.settings.steering_response, (goal[1] * math.cos(goal[0]), goal[1] * math.sin(goal[0]))
     servo = share_of_way(here.period, response) * response / here.period  # in the mean of a tick
-    return Among(here, towards, onwards, room, servo, _spans(rows, bold), _reaches(limiter.car, rows, bold)), far
+    spans, reaches, may_turn = _spans(rows, bold), _reaches(limiter.car, rows, bold), _MAY_TURN * (1.0 - bold)
+    return Among(here, towards, onwards, room, servo, spans, reaches, may_turn), far
 
 
 @kernel
@@ -269,11 +276,15 @@ def _reaches(car: Record, rows: FloatArray, bold: float) -> FloatArray:
 
 @kernel
 def _spans(rows: FloatArray, bold: float) -> FloatArray:
-    """Return for each step and target (m, k, 2) the interval on its line [m]."""
-    spans = np.empty((_STEPS + _WAIT * _WAITS + 1, len(rows), 2))
+    """Return for each step and target (m, k, 3) the interval on its line [m], and its near end if it turns back now."""
+    spans = np.empty((_STEPS + _WAIT * _WAITS + 1, len(rows), 3))
     for step in range(len(spans)):
         for k in range(len(rows)):
-            spans[step, k, 0], spans[step, k, 1] = occupied(rows[k], step * _STEP, bold)
+            near, far = occupied(rows[k], step * _STEP, bold)
+            spans[step, k, NEAR], spans[step, k, FAR], spans[step, k, TURNED] = near, far, near
+            if rows[k, TURNS] < 2.0 and step <= _SOON:
+                back = rows[k, SPEED] * step * _STEP
+                spans[step, k, TURNED] = min(near, -min(back, rows[k, FROM_WALL]) if rows[k, TURNS] > 0.0 else -back)
     return spans
 
 
@@ -340,17 +351,19 @@ def _is_free(here: Situation, x: float, y: float, cos: float, sin: float) -> boo
 def _judge(among: Among, path: FloatArray, free: int, cost: float, scores: FloatArray) -> None:
     """Write the scores (p,) [m] of all profiles on a path; `free` is how many of its points are, `cost` its own [m]."""
     for k in range(len(_PROFILES)):
-        gap, way = _try(among, path, free, _PROFILES[k])
+        gap, way = _try(among, path, free, _PROFILES[k], NEAR)
         scores[k] = gap
         if gap >= 0.0:
             scores[k] = way - cost + _GOES_ON * min(gap, _ROOM if way > _PASSED else _ROOM_WAITING)
+            if _try(among, path, free, _PROFILES[k], TURNED)[0] < -_USED:
+                scores[k] -= among.may_turn
         elif gap > 0.1 * _TOUCHES:
             scores[k] = way - cost + _PER_METRE * gap + _TIGHT
 
 
 @kernel
 def _try(
-    among: Among, path: FloatArray, free: int, profile: tuple[float, float, float, float]
+    among: Among, path: FloatArray, free: int, profile: tuple[float, float, float, float], near: int
 ) -> tuple[float, float]:
     """Return the room beside targets [m] and the way in _SCORED [m].
 
@@ -361,6 +374,7 @@ def _try(
       path: (n, 6), as of `_lay`.
       free: how many of its points are.
       profile: one of _PROFILES.
+      near: NEAR, or TURNED for targets that turn back now.
     """
     limiter, speed, room = among.here.limiter, among.here.speed, among.room
     way, scored, gap = 0.0, 0.0, _ROOM
@@ -389,23 +403,23 @@ def _try(
         point = int(part)
         x = path[point, 0] + (part - point) * (path[point + 1, 0] - path[point, 0])
         y = path[point, 1] + (part - point) * (path[point + 1, 1] - path[point, 1])
-        gap = _room_beside(among, step, (x, y, path[point, 2], path[point, 3]), gap)
+        gap = _room_beside(among, step, (x, y, path[point, 2], path[point, 3]), gap, near)
         if gap < -_USED:
             return touched, scored
         if speed < 0.05:
-            met = _is_met(among, step, (x, y, path[point, 2], path[point, 3]))
+            met = _is_met(among, step, (x, y, path[point, 2], path[point, 3]), near)
             return (gap, scored) if met == math.inf else (_TOUCHES + time + met, scored)
     return gap, scored
 
 
 @kernel
-def _room_beside(among: Among, step: int, pose: tuple[float, float, float, float], gap: float) -> float:
+def _room_beside(among: Among, step: int, pose: tuple[float, float, float, float], gap: float, end: int) -> float:
     """Return the least room [m] beside targets at a step, at most `gap`; `pose` is x, y, cosine and sine."""
     x, y, cos, sin = pose
     car, rows = among.here.limiter.car, among.here.movers
     front = car.length - car.rear_overhang - 0.25 * car.width
     for k in range(len(rows)):
-        row, reach, near, far = rows[k], among.reaches[k], among.spans[step, k, 0], among.spans[step, k, 1]
+        row, reach, near, far = rows[k], among.reaches[k], among.spans[step, k, end], among.spans[step, k, FAR]
         along, across = row[COS] * (x - row[X]) + row[SIN] * (y - row[Y]), row[COS] * (y - row[Y])
         across -= row[SIN] * (x - row[X])
         on, aside = row[COS] * cos + row[SIN] * sin, row[COS] * sin - row[SIN] * cos
@@ -421,7 +435,7 @@ def _room_beside(among: Among, step: int, pose: tuple[float, float, float, float
 
 
 @kernel
-def _is_met(among: Among, step: int, pose: tuple[float, float, float, float]) -> float:
+def _is_met(among: Among, step: int, pose: tuple[float, float, float, float], end: int) -> float:
     """Return when a car that has stopped at a step is met [s], 0 in the lane of what crosses; inf: it is not."""
     x, y, cos, sin = pose
     car, rows = among.here.limiter.car, among.here.movers
@@ -437,7 +451,7 @@ def _is_met(among: Among, step: int, pose: tuple[float, float, float, float]) ->
                 return 0.0
             for wait in range(1, _WAITS + 1):
                 later = among.spans[step + _WAIT * wait, k]
-                if _apart(later[0], later[1], at, off) < reach * reach:
+                if _apart(later[end], later[FAR], at, off) < reach * reach:
                     return 0.1 * wait
     return math.inf
 

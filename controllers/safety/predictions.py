@@ -3,7 +3,7 @@
 A target is a disc that goes on along the line of its velocity. At a time t it is somewhere between two places on this
 line: as far as it comes if it holds its speed, and where it is if it begins to brake now. Both grow apart by the
 uncertainty of its speed. Where the line meets what stands, or where the target was seen to turn back, it stays there or
-turns back at the same speed.
+turns back at the same speed. One that was seen to turn at both ends goes to and fro between them.
 
 The beams that end on targets are lengthened to what is next to them (`foresee`, `separate`): the planner, guidance, the
 speed laws and the stops of the safety filter have a scan of what stands. These stops are compared with each target at
@@ -151,11 +151,21 @@ def write_predictions(memory: Record) -> bool:
             row[SPEED], row[RADIUS] = speed, max(target.size, _LEAST_RADIUS) + _MARGIN
             row[COS], row[SIN] = 1.0, 0.0
             if speed > 0.0:
-                row[COS] = (cos * target.vx + sin * target.vy) / speed
-                row[SIN] = (cos * target.vy - sin * target.vx) / speed
+                course_x, course_y = _course(target, speed)
+                row[COS], row[SIN] = cos * course_x + sin * course_y, cos * course_y - sin * course_x
             row[BRAKING] = _BRAKING * row[COS] * row[COS] + _SLOWING * speed
             row[SPREAD], row[CURVATURE] = math.sqrt(target.p_speed), 0.0
     return bool(memory.count > 0)
+
+
+@kernel
+def _course(target: Record, speed: float) -> tuple[float, float]:
+    """Return the direction in which a target goes: along the line through the two places where it turned, if it did."""
+    x, y, a, b = target.vx / speed, target.vy / speed, target.turned[0], target.turned[1]
+    way = math.copysign(math.hypot(a[0] - b[0], a[1] - b[1]), (a[0] - b[0]) * x + (a[1] - b[1]) * y)
+    if target.turns >= 2 and abs(way) > _ON_LINE and abs((a[0] - b[0]) * y - (a[1] - b[1]) * x) < 0.5 * abs(way):
+        return (a[0] - b[0]) / way, (a[1] - b[1]) / way
+    return x, y
 
 
 @kernel
@@ -223,10 +233,25 @@ def occupied(row: FloatArray, time: float, bold: float) -> tuple[float, float]:
     near, far = max((speed - spread) * time - slower, -spread * time), (speed + spread) * time
     if _drives(row):
         return min(near, row[TO_WALL]) - 0.1, min(far, row[TO_WALL]) + _LENGTH
+    if known and math.isfinite(row[FROM_WALL] + row[TO_WALL]):
+        return _to_and_fro(near, far, row)
     if far > row[TO_WALL]:
         near = min(near, 2.0 * row[TO_WALL] - far)
         far = max(row[TO_WALL], near)
     return near, far
+
+
+@kernel
+def _to_and_fro(near: float, far: float, row: FloatArray) -> tuple[float, float]:
+    """Return an interval of ways [m] as an interval of places of a target that turns at both ends of its line."""
+    back, length = row[FROM_WALL], max(row[FROM_WALL] + row[TO_WALL], 1e-3)
+    turns, more = math.floor((near + back) / length), math.floor((far + back) / length)
+    if more - turns >= 2.0:
+        return -back, row[TO_WALL]
+    forth, first, last = turns % 2.0 == 0.0, near + back - turns * length, far + back - more * length
+    if more > turns:  # it turns in between
+        return (min(first, length - last) - back, length - back) if forth else (-back, max(length - first, last) - back)
+    return (first - back, last - back) if forth else (length - last - back, length - first - back)
 
 
 @kernel
@@ -310,5 +335,6 @@ def _end_where_it_turned(seen: Record, target: Record, row: FloatArray) -> None:
         along, across = row[COS] * ahead + row[SIN] * left, row[COS] * left - row[SIN] * ahead
         if abs(across) < _ON_LINE:
             row[TURNS] += 1.0
-            end = TO_WALL if along > 0.0 else FROM_WALL
-            row[end] = min(row[end], abs(along))
+            behind = along < 0.0 if abs(along) > _ON_LINE else index == (target.turns - 1) % 2
+            end = FROM_WALL if behind else TO_WALL
+            row[end] = max(-along if behind else along, 0.0)

@@ -40,9 +40,9 @@ def decide(rows, speed, *, plan=None, may_back_off=False, onwards=4.0, **options
     return planned.plan_in_time(here, plan, (0.0, 0.0, 0.0), (0.0, 8.0), onwards, may_back_off)
 
 
-def among(here, room, servo=0.6):
+def among(here, room, servo=0.6, may_turn=0.0):
     reaches, spans = planned._reaches(CAR_ROW, here.movers, 0.0), planned._spans(here.movers, 0.0)
-    return planned.Among(here, (8.0, 0.0), 4.0, room, servo, spans, reaches)
+    return planned.Among(here, (8.0, 0.0), 4.0, room, servo, spans, reaches, may_turn)
 
 
 def test_a_thing_is_between_slowing_down_and_going_on_and_turns_where_it_is_expected_to():
@@ -53,6 +53,32 @@ def test_a_thing_is_between_slowing_down_and_going_on_and_turns_where_it_is_expe
     assert occupied(known, 0.4, 1.0) == pytest.approx((0.39, 0.41))  # the car has waited
     drives = target(3.0, 0.0, 2.0, 0.3, to_wall=1.0)  # a car, which follows the walls
     assert occupied(drives, 1.0, 0.0) == pytest.approx((0.9, 1.4))
+
+
+@each("seed", range(40))
+def test_what_turns_at_both_ends_is_where_a_slow_walk_to_and_fro_comes(seed):
+    rng = np.random.default_rng(seed)
+    to_wall, back, speed, spread = rng.uniform(0.0, 1.0), rng.uniform(0.02, 1.0), rng.uniform(0.3, 2.0), 0.05
+    row = target(3.0, 0.0, 0.0, speed, to_wall=to_wall, from_wall=back, turns=2.0, spread=spread)
+    for time in np.arange(0.0, 3.0, 0.1):
+        least, most = math.inf, -math.inf
+        for way in np.linspace((speed - spread) * time, (speed + spread) * time, 800):
+            phase = (way + back) % (2.0 * (to_wall + back))
+            place = min(phase, 2.0 * (to_wall + back) - phase) - back
+            least, most = min(least, place), max(most, place)
+        assert occupied(row, time, 0.0) == pytest.approx((least, most), abs=0.002)
+
+
+def test_a_motion_is_worth_less_that_touches_what_may_turn_back_and_not_where_it_is_known_to_go_on():
+    path = np.zeros((56, 6))
+    for turns, less in ((0.0, True), (1.0, True), (2.0, False)):
+        scores = np.zeros((2, len(planned._PROFILES)))
+        row = target(2.0, 0.55, 0.0, 0.8, to_wall=2.0, from_wall=3.0, turns=turns)
+        for may_turn, each_score in zip((0.0, 5.0), scores, strict=True):
+            these = among(around([row], 3.0), 9.0, may_turn=may_turn)
+            planned._judge(these, path, planned._lay(these, 8.0, 0.0, path), 0.0, each_score)
+        assert scores[0, 4] > 0.0
+        assert (scores[1, 4] == scores[0, 4] - 5.0) == less and (scores[1, 4] == scores[0, 4]) != less
 
 
 @each("seed", range(12))
@@ -71,7 +97,7 @@ def test_motions_are_free_by_a_slow_check_of_discs_and_intervals(seed):
     assert free == 112
     front = CAR.length - CAR.rear_overhang
     for profile in planned._PROFILES:
-        gap, _ = planned._try(these, path, free, profile)
+        gap, _ = planned._try(these, path, free, profile, planned.NEAR)
         least = math.inf
         for time, x, y, cos, sin in driven(path, profile, now):
             near, far = occupied(row, time, 0.0)
@@ -135,7 +161,7 @@ def test_a_stop_in_the_lane_of_what_crosses_is_no_end_also_while_it_goes_away(sp
     here.memory["acceleration"] = -LIMITER["braking"]
     these = among(here, 9.0)
     free = planned._lay(these, 4.0, 0.0, path)
-    gap, _ = planned._try(these, path, free, (0.0, 0.0, 0.0, 0.0))
+    gap, _ = planned._try(these, path, free, (0.0, 0.0, 0.0, 0.0), planned.NEAR)
     *_, (_, x, _, _, _) = driven(path, (0.0, 0.0, 0.0, 0.0), speed)
     front = CAR.length - CAR.rear_overhang - 0.25 * CAR.width
     apart = min(abs(x + offset - 2.0) for offset in (front, CAR.lidar_offset, 0.0)) - these.reaches[0] - planned._LANE

@@ -165,6 +165,30 @@ def test_what_stops_is_a_standing_thing_after_a_second_and_what_turns_back_is_me
     assert target["turns"] == 1 and target["turned"][0, 1] == pytest.approx(0.4, abs=0.15)
 
 
+def fro(time):
+    """Where a box is that goes .8 m to and fro at 1 m/s."""
+    return 0.4 - abs(time % 1.6 - 0.8)
+
+
+def test_what_goes_to_and_fro_is_expected_to_turn_where_it_did_and_known_no_more_where_it_goes_on():
+    memory, _ = watched(lambda time: (WALLS + box(5.0, fro(time)), ()), 100)
+    off = []
+    for tick in range(100, 200):  # three turns
+        watched(lambda time: (WALLS + box(5.0, fro(time)), ()), 1, memory=memory, first=tick)
+        (target,) = moving(memory)
+        off.append(abs(target["ends"][:, 1].mean() - fro(tick * PERIOD)))
+    assert target["turns"] >= 5 and max(off) < 0.03  # where it is only noticed, .05 m
+    assert sorted(target["turned"][:, 1]) == pytest.approx((-0.4, 0.4), abs=0.02)
+
+    def goes_on(time):
+        return WALLS + box(5.0, fro(time) if time < 4.0 else min(0.4 + time - 4.0, 1.0)), ()
+
+    memory, _ = watched(goes_on, 157)
+    assert moving(memory)[0]["turns"] >= 2
+    watched(goes_on, 18, memory=memory, first=157)
+    assert all(target["turns"] == 0 and target["vy"] > 0.5 for target in moving(memory))
+
+
 @each("speed", (math.nan, math.inf, 1e9))
 def test_odometry_that_is_none_and_another_lidar_forget_all(speed):
     memory, _ = watched(crossing, 30)
