@@ -2,8 +2,8 @@
 
     free = mark_cells(world, bits)
     bits[i & RING, j & RING] & AT_WALL  # whether a wall is within one cell
-    count, edges = flood(world, bits, distance, queue, edge, impassable)
-    dijkstra(bits, distance, distance_to_goal, goal, free, impassable)
+    edges = flood(world, bits, distance, queue, edge, impassable)
+    dijkstra(bits, distance, distance_to_goal, goal, free)
 
 For distances a cell is one number: its column in the ring times SIZE, and its row.
 
@@ -23,9 +23,9 @@ from fg_mujoco.compiled.kernels import kernel
 from ..control.planner_settings import Record
 from .local_map import EDGE, FREE, KIND, NEARNESS, PER_METRE, RING, SIZE, UNKNOWN, WALL
 
-NEAR_WALL, WAY_BACK, AT_WALL, HOLE, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 8, 16, 32, 64, 128
-"""Bits of a cell: a wall is within two cells; closed by `frontiers`; a wall is within one cell; the middle of a hole of
-three cells; free; unknown; a wall is in the square of six cells to each side, and in that of four."""
+NEAR_WALL, WAY_BACK, AT_WALL, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 16, 32, 64, 128
+"""Bits of a cell: a wall is within two cells; closed by `frontiers`; a wall is within one cell; free; unknown; a wall
+is in the square of six cells to each side, and in that of four."""
 
 _MARGIN = 8  # columns next to the known ones, in which their walls count
 FAR = 65535
@@ -101,7 +101,7 @@ def _is_known(cells: NDArray[np.uint8]) -> bool:
 def _mark_column(cells: NDArray[np.uint8], walls: NDArray[np.uint8], within: NDArray[np.uint8]) -> None:
     """Write how near the walls of a column are to its cells.
 
-    The bits: 1, a wall; 2, within a cell; 4, within two; 8, walls two cells to both sides; WITHIN_4; WITHIN_6.
+    The bits: 1, a wall; 2, within a cell; 4, within two; WITHIN_4; WITHIN_6.
     """
     some = np.uint8(0)
     for j in range(SIZE):
@@ -117,8 +117,7 @@ def _mark_column(cells: NDArray[np.uint8], walls: NDArray[np.uint8], within: NDA
         two = one | walls[j + 4] | walls[j + 8]
         four = two | walls[j + 2] | walls[j + 3] | walls[j + 9] | walls[j + 10]
         six = four | walls[j] | walls[j + 1] | walls[j + 11] | walls[j + 12]
-        hole = walls[j + 4] & walls[j + 8]
-        near = walls[j + 6] | one << np.uint8(1) | two << np.uint8(2) | hole << np.uint8(3)
+        near = walls[j + 6] | one << np.uint8(1) | two << np.uint8(2)
         within[j] = near | six << np.uint8(6) | four << np.uint8(7)
 
 
@@ -146,13 +145,12 @@ def _mark_near(
     e: NDArray[np.uint8],
     bits: NDArray[np.uint8],
 ) -> None:
-    """Add NEAR_WALL, AT_WALL and HOLE to the bits of a column, c, with its neighbours: see _mark_column."""
+    """Add NEAR_WALL and AT_WALL to the bits of a column, c, with its neighbours: see _mark_column."""
     for j in range(SIZE):
         near = (a[j] | e[j]) >> np.uint8(1) | (b[j] | c[j] | d[j]) >> np.uint8(2)
         touching = c[j] >> np.uint8(1) | b[j] | d[j]
-        hole = c[j] >> np.uint8(3) | (a[j] & e[j])
         one = np.uint8(1)
-        bits[j] |= (near & one) | (touching & one) << np.uint8(2) | (hole & one) << np.uint8(3)
+        bits[j] |= (near & one) | (touching & one) << np.uint8(2)
 
 
 @kernel
@@ -217,7 +215,7 @@ def flood(
     queue: NDArray[np.uint16],
     edge: NDArray[np.uint16],
     impassable: int,
-) -> tuple[int, int]:
+) -> int:
     """Spread distances [cells] from the first cell of the queue, whose distance is 0; that of all others is FAR.
 
     Steps to four neighbours and to eight take turns, which makes circles octagons. No step leaves the window: the cells
@@ -232,7 +230,7 @@ def flood(
       impassable: bits of cells that are reached in the first _FREE_START steps only.
 
     Returns:
-      How many cells there are in the queue, and in `edge`.
+      How many cells there are in `edge`.
     """
     first, count, edges, level = 0, 1, 0, 0
     while first < count:
@@ -259,7 +257,7 @@ def flood(
                     edges += 1
         first = end
         level += 1
-    return count, edges
+    return edges
 
 
 @kernel
@@ -269,7 +267,6 @@ def dijkstra(
     distance_to_goal: NDArray[np.uint16],
     goal: NDArray[np.uint16],
     free: int,
-    impassable: int,
 ) -> None:
     """Write the way to go [UNIT] from all free cells to the nearest cell of `goal`.
 
@@ -279,12 +276,11 @@ def dijkstra(
       distance_to_goal: (BLOCKS, BLOCKS) the least of the cells of each block, FAR; written to.
       goal: cells.
       free: how many cells are free.
-      impassable: bits of cells that are no way, besides WAY_BACK.
     """
     heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
     room = 2 * free + len(goal) + 8  # a cell is come upon once over a side and once over a corner, at most
     cells, links = np.empty(room, np.uint16), np.empty(room, np.int32)
-    straight, diagonal = _costs(10, WAY_BACK | impassable), _costs(14, WAY_BACK | impassable)
+    straight, diagonal = _costs(10), _costs(14)
     made, one = np.uintp(0), np.uintp(1)
     for cell in goal:
         distance[cell] = 0
@@ -321,11 +317,11 @@ def dijkstra(
 
 
 @kernel
-def _costs(length: int, impassable: int) -> NDArray[np.int64]:
+def _costs(length: int) -> NDArray[np.int64]:
     """Return the costs of a step onto a cell by its bits [UNIT]: up to 4.5 times its length near a wall."""
     costs = np.full(256, FAR)
     for bits in range(256):
-        if bits & (OPEN | impassable) == OPEN:
+        if bits & (OPEN | WAY_BACK | AT_WALL) == OPEN:
             cost = length
             if bits & WITHIN_6 != 0:
                 cost += cost // 2

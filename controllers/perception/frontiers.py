@@ -1,11 +1,8 @@
 """Selects the frontier to drive to, and computes each free cell's distance to it.
 
-0. Where the car was a lap ago where it is now, its frontier is on the path of that lap, 10 m ahead, or 3 m behind the
-   car on a shorter lap. All of the ground is known there, and nothing else would lead on.
-1. Else the path driven is closed like a wall, across the corridor, over its last 15 m.
+1. The path driven is closed like a wall, across the corridor, over its last 15 m.
 2. From the car, distances spread over the free ground of the local map. Where they reach ground that nobody has
-   seen is a frontier, unless that ground is only the shadow of a box or lies behind a crack in a wall. The frontier
-   that is far and wide is selected. A pocket that was seen to its end has none.
+   seen is a frontier. The frontier that is far and wide is selected. A pocket that was seen to its end has none.
 3. Where there is no frontier, the car may go round a course as short as its memory: then the goal is the far side
    of the closed path, which the car reaches from behind. Else it is in a pocket, and the end of its path is opened
    again, 2, 4 and 6 m of it.
@@ -35,7 +32,6 @@ from .cells import (
     AT_WALL,
     BLOCKS,
     FAR,
-    HOLE,
     LAST,
     NEAR_WALL,
     OPEN,
@@ -47,11 +43,9 @@ from .cells import (
     flood,
     indices_of,
     mark_cells,
-    neighbours,
 )
 from .local_map import (
     ALONG,
-    BEFORE,
     CELL,
     COS,
     KIND,
@@ -83,27 +77,14 @@ _LASTS_SEEN = 0.8  # [m] and before a motion is searched for
 _OPENED = 0.6  # [m] before the end of the path that stay open
 _CLOSED = 15.0  # [m] of the path that are closed
 _CLOSED_LOOP = 8.0  # [m] the same, on a course that is shorter
-_ATTEMPTS = (
-    (_OPENED, _CLOSED, AT_WALL | HOLE),
-    (_OPENED, _CLOSED_LOOP, AT_WALL | HOLE),
-    (_OPENED, _CLOSED, AT_WALL),
-    (2.0, _CLOSED, NEAR_WALL),
-    (4.0, _CLOSED, NEAR_WALL),
-    (6.0, _CLOSED, NEAR_WALL),
-)  # [m] from the end of the path: where it begins to be closed, and where it ends; bits of cells that are impassable
-_WIDEST = 3.0  # [m] of a line across open ground, to either side
+_OPENED_MORE = 2.0  # [m] at a time, before the end of a path into a pocket
 _POCKET = 6.0  # [m] deepest pocket that the car leaves again
+_WIDEST = 3.0  # [m] of a line across open ground, to either side
 _LEAST_FRONTIER = 5  # cells
 _LEAST_FRONTIER_BACK = 10  # cells, where the car has to leave a pocket for it
 _WIDE = 3.0  # [m] of a frontier; more counts as this
-_ROOM = 150  # cells that nobody has seen behind a frontier, or it is a shadow or a crack in a wall
 _SAME = 1.0  # [m] from the last frontier: another one counts as the same, and as 1 m farther
-_AHEAD_ON_LAP = 10.0  # [m] at most ahead on the path of a lap ago, to which the car goes,
-_LEFT_OF_LAP = (3.0, 5.0, 7.0)  # [m] from behind the car at least
-_APART = 1.0  # [m] of the path that stay open behind it
-_SAME_PLACE = 0.8  # [m] within which the car is where it was a lap ago
 _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
-_LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
 
 FRONTIER_SEARCH = np.dtype(
     [
@@ -116,7 +97,6 @@ FRONTIER_SEARCH = np.dtype(
         ("searched_driven", np.float64),  # [m] and how far the car had driven then
         ("marked", np.int64),  # tick in which walls were last marked
         ("found", np.bool_),
-        ("on_lap", np.bool_),  # the car drives where it drove a lap ago, which is its frontier
         ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
         ("x", np.float64),  # [m] of the middle of the frontier
         ("y", np.float64),
@@ -242,16 +222,13 @@ def distance_to_goal_around(memory: Record, x: float, y: float) -> float:
 
 
 @kernel
-def least_distance_along(memory: Record, x: float, y: float, heading: float, distance: float) -> tuple[float, float]:
-    """Return the least way to go [m] along a line from a place (inf: none is known), and how far along it is [m]."""
-    return least_distance_towards(memory, x, y, math.cos(heading), math.sin(heading), distance)
-
-
-@kernel
 def least_distance_towards(
     memory: Record, x: float, y: float, cos: float, sin: float, distance: float
 ) -> tuple[float, float]:
-    """Return the same as `least_distance_along`, for the cosine and the sine of the line's heading."""
+    """Return the least way to go [m] along a line from a place, and how far along it is [m]; inf: none is known.
+
+    The line is given by the cosine and the sine of its heading.
+    """
     step_x, step_y = 0.2 * PER_METRE * cos, 0.2 * PER_METRE * sin
     x, y = x * PER_METRE, y * PER_METRE
     least, at = FAR, 0
@@ -289,73 +266,40 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
     ground.queue[0] = cell_at(
         world.x + lidar_offset * math.cos(world.heading), world.y + lidar_offset * math.sin(world.heading)
     )
-    count, loop, impassable = _find_on_lap(memory, ground), True, AT_WALL | HOLE
-    memory.on_lap = count > 0
-    if count == 0:
-        count, loop, impassable = _find_ahead(memory, ground)
+    count, loop = _find_ahead(memory, ground)
     memory.found = count > 0
     memory.hidden = memory.found and not loop and math.hypot(memory.x - world.x, memory.y - world.y) < SIGHT - 1.0
     ground.distance[:], memory.distance_to_goal[:] = FAR, FAR
-    impassable = AT_WALL | impassable & HOLE
-    dijkstra(bits, ground.distance, memory.distance_to_goal, ground.goal[:count], free, impassable)
+    dijkstra(bits, ground.distance, memory.distance_to_goal, ground.goal[:count], free)
 
 
 @kernel
-def _find_on_lap(memory: Record, ground: _Ground) -> int:
-    """Write the cell of the path of a lap ago to which the car goes, see 0.; return 1, or 0: there is none."""
-    world = memory.map
-    a_lap_ago = _lap_ago(world)
-    lap = world.along - world.path[a_lap_ago, ALONG]
-    for left in _LEFT_OF_LAP:
-        ahead = min(lap - left, _AHEAD_ON_LAP)
-        if ahead <= 0.0:
-            break
-        _spread(world, ground, _OPENED, lap - ahead - _APART, False, AT_WALL | HOLE)
-        index = a_lap_ago
-        while index != world.newest and world.path[index, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
-            index = (index + 1) % PATH
-        cell = cell_at(world.path[index, 0], world.path[index, 1])
-        if index != world.newest and ground.distance[cell] != FAR:
-            ground.goal[0] = cell
-            memory.x, memory.y = world.path[index, 0], world.path[index, 1]
-            return 1
-    return 0
-
-
-@kernel
-def _find_ahead(memory: Record, ground: _Ground) -> tuple[int, bool, int]:
-    """Write the cells of the frontier ahead, see 1. to 3.
-
-    Returns:
-      How many cells; whether they are the far side of the closed path; and the bits of cells that are impassable.
-    """
-    world, impassable, open_ground = memory.map, AT_WALL | HOLE, False
-    for attempt in range(len(_ATTEMPTS)):
-        opened, closed, impassable = _ATTEMPTS[attempt]
-        if closed < _CLOSED and open_ground:
-            continue
-        reached, edges = _spread(world, ground, opened, closed, open_ground, impassable)
-        if attempt == 0 and _is_open_ground(world, ground.distance):
-            open_ground = True
-            reached, edges = _spread(world, ground, opened, closed, open_ground, impassable)
-        if closed < _CLOSED:
-            if _find_behind(memory, ground, reached):
-                return 1, True, impassable
-            continue
-        least = _LEAST_FRONTIER if opened == _OPENED else _LEAST_FRONTIER_BACK
-        count = _choose_frontier(memory, ground, edges, least)
-        if count > 0:
-            if opened > _OPENED:
-                cut_path(world, max(world.along - opened, world.furthest - _POCKET))
-            return count, False, impassable
-    return 0, False, impassable
+def _find_ahead(memory: Record, ground: _Ground) -> tuple[int, bool]:
+    """Write the cells of the frontier ahead, see 1. to 3.; return how many, and if they are the path's far side."""
+    world, opened = memory.map, 0.0
+    edges = _spread(world, ground, _OPENED, _CLOSED, False, AT_WALL)
+    open_ground = _is_open_ground(world, ground.distance)
+    if open_ground:
+        edges = _spread(world, ground, _OPENED, _CLOSED, True, AT_WALL)
+    count = _choose_frontier(memory, ground, edges, _LEAST_FRONTIER)
+    if count == 0 and not open_ground:
+        _spread(world, ground, _OPENED, _CLOSED_LOOP, False, AT_WALL)
+        if _find_behind(memory, ground):
+            return 1, True
+    while count == 0 and opened < _POCKET:
+        opened += _OPENED_MORE
+        edges = _spread(world, ground, opened, _CLOSED, open_ground, NEAR_WALL)
+        count = _choose_frontier(memory, ground, edges, _LEAST_FRONTIER_BACK)
+    if count > 0 and opened > 0.0:
+        cut_path(world, max(world.along - opened, world.furthest - _POCKET))
+    return count, False
 
 
 @kernel
 def _spread(
     world: Record, ground: _Ground, opened: float, closed: float, open_ground: bool, impassable: int
-) -> tuple[int, int]:
-    """Close the path from `opened` to `closed` [m], and spread distances from the car (`flood`)."""
+) -> int:
+    """Close the path from `opened` to `closed` [m], and spread distances from the car; return what `flood` does."""
     _open_path(ground.bits)
     _close_path(world, ground.bits, opened, closed, open_ground)
     ground.distance[:] = FAR
@@ -364,46 +308,18 @@ def _spread(
 
 
 @kernel
-def _find_behind(memory: Record, ground: _Ground, reached: int) -> bool:
-    """Return whether the car, going on, comes upon its closed path from behind; that cell is the goal then."""
-    world, bits, distance, index = memory.map, ground.bits, ground.distance, reached - 1
-    while index > 0:
-        cell = ground.queue[index]
-        if _is_next_to_path(world, bits, cell) and _comes_from_behind(world, distance, cell):
-            break
-        index -= 1
-    cell = ground.queue[index]
-    if not distance[cell] * CELL > _LEAST_LOOP:
-        return False
-    ground.goal[0] = cell
-    i, j = indices_of(world, cell)
-    memory.x, memory.y = i * CELL, j * CELL
-    return True
-
-
-@kernel
-def _lap_ago(world: Record) -> int:
-    """Return the path's point at which the car was a lap ago; the newest: it has driven no lap, or a longer one.
-
-    It was where it is now, and has turned once round since then. So it has not, where it has driven back and forth.
-    """
-    found: int = world.newest
-    nearest = _SAME_PLACE
+def _find_behind(memory: Record, ground: _Ground) -> bool:
+    """Return whether the car, going on, reaches its path behind the part that is closed; that cell is the goal then."""
+    world = memory.map
     for back in range(world.known):
-        index = (world.newest - back) % PATH
-        point = world.path[index]
-        dx, dy = point[0] - world.x, point[1] - world.y
-        apart = math.sqrt(dx * dx + dy * dy)
-        if point[ALONG] < BEFORE or (nearest < _SAME_PLACE < apart):  # two laps ago it was there, too
-            break
-        if world.along - point[ALONG] > _LEAST_AGE and apart < nearest and _is_a_turn(world.heading - point[2]):
-            found, nearest = index, apart
-    return found
-
-
-@kernel
-def _is_a_turn(angle: float) -> bool:
-    return bool(abs(abs(angle) - 2.0 * math.pi) < 0.65)
+        point = world.path[(world.newest - back) % PATH]
+        cell = cell_at(point[0], point[1])
+        behind = world.along - point[ALONG] > _CLOSED_LOOP + 2.0 * CELL
+        if behind and ground.distance[cell] != FAR and ground.distance[cell] * CELL > _LEAST_LOOP:
+            ground.goal[0] = cell
+            memory.x, memory.y = point[0], point[1]
+            return True
+    return False
 
 
 @kernel
@@ -488,7 +404,7 @@ def _choose_frontier(memory: Record, ground: _Ground, edges: int, least: int) ->
     label = np.zeros(SIZE * SIZE, np.uint8)  # 1: at unknown ground, 2: in a frontier that was looked at
     for cell in edge:
         label[cell] = 1
-    group, behind = np.empty(len(edge), np.uint16), np.empty(_ROOM + 8, np.uint16)
+    group = np.empty(len(edge), np.uint16)
     best, best_count, last_x, last_y = 0.0, 0, memory.x, memory.y
     for start in edge:
         if label[start] != 1:
@@ -516,64 +432,7 @@ def _choose_frontier(memory: Record, ground: _Ground, edges: int, least: int) ->
         score = far + 2.0 * min(count * CELL, _WIDE)
         if memory.found and math.hypot(x - last_x, y - last_y) < _SAME:
             score += 1.0
-        if score > best and _has_room_behind(world, ground, label, group[:count], behind):
+        if score > best:
             best, best_count, memory.x, memory.y = score, count, x, y
             ground.goal[:count] = group[:count]
     return best_count
-
-
-@kernel
-def _has_room_behind(
-    world: Record, ground: _Ground, label: NDArray[np.uint8], group: NDArray[np.uint16], behind: NDArray[np.uint16]
-) -> bool:
-    """Return whether a frontier may lead on: to room behind it, or to ground that the car does not reach otherwise."""
-    count, reached, at, leads_on = len(group), 0, 0, False
-    while at < count + reached and not leads_on:
-        index = group[at] if at < count else behind[at - count]
-        for cell in neighbours(index):
-            i, j = indices_of(world, cell)
-            if not in_window(world, i, j) or label[cell] == 4:
-                leads_on = True
-            elif ground.bits[cell] & (UNSEEN | NEAR_WALL | WAY_BACK) == UNSEEN and label[cell] == 0:
-                label[cell] = 3
-                behind[reached] = cell
-                reached += 1
-            elif at >= count and ground.bits[cell] & (OPEN | NEAR_WALL) == OPEN and ground.distance[cell] == FAR:
-                leads_on = True
-        leads_on = leads_on or reached >= _ROOM
-        at += 1
-    for k in range(reached if leads_on else 0):
-        label[behind[k]] = 4
-    return leads_on
-
-
-@kernel
-def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
-    """Return whether a cell is within two cells of the closed way back."""
-    i, j = indices_of(world, cell)
-    for a in range(i - 2, i + 3):
-        for b in range(j - 2, j + 3):
-            if bits[(a & RING) * SIZE | b & RING] & WAY_BACK != 0:
-                return True
-    return False
-
-
-@kernel
-def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -> bool:
-    """Return whether distances grow, at a cell along the path, in the direction in which the car came by there."""
-    x, y, here = 0.0, 0.0, distance[cell]
-    i, j = indices_of(world, cell)
-    for di in range(-2, 3):
-        for dj in range(-2, 3):
-            there = distance[((i + di) & RING) * SIZE | (j + dj) & RING]
-            if there != FAR:
-                x += di * (float(there) - here)
-                y += dj * (float(there) - here)
-    nearest, along, age = math.inf, 0.0, 0.0
-    for back in range(world.known):
-        point = world.path[(world.newest - back) % PATH]
-        apart = math.hypot(point[0] - i * CELL, point[1] - j * CELL)
-        if apart < nearest:
-            nearest, age = apart, world.along - point[ALONG]
-            along = math.cos(point[2]) * x + math.sin(point[2]) * y
-    return along > 0.5 * math.hypot(x, y) and age > _LEAST_AGE

@@ -15,9 +15,6 @@ Guidance knows the frontier (perception.frontiers), and lets the planner drive a
    and in reverse (turning). From then on it is careful: it comes to the edge of what it sees no faster than that it
    could turn there at full lock.
 
-On a lap as short as its memory (frontiers) the planner has found its way once: there it drives as long as its goal
-leads on at all, and a car that is slow does not turn in moves.
-
 Where there is no frontier, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
 stood there for 4 s it forgets its path, which on a course as short as its memory may have been wrong.
 
@@ -168,8 +165,7 @@ def follow_frontier(seen: Seen, memory: Record) -> Lead:
     led = memory.follows or turning.active or memory.careful
     offset = limiter.car.lidar_offset
     search_frontier(geometry, ranges, odometry, offset, frontier, settings.every, settings.every_plain, led)
-    if turning.active or not frontier.on_lap:  # a car that creeps on a lap that it has driven gets through
-        turn_in_moves(frontier, limiter, turning, odometry.steering_angle, speed)
+    turn_in_moves(frontier, limiter, turning, odometry.steering_angle, speed)
     if turning.active:
         memory.careful = True
         return Lead(TURN_LEADS, turning.steering_angle, math.nan, math.nan, turning.speed, False)
@@ -226,8 +222,7 @@ def _planner_leads_on(
     heading = frontier.map.heading + reference.bearing
     least, _ = least_distance_towards(frontier, place.x, place.y, math.cos(heading), math.sin(heading), ranges[beam])
     gain = place.to_go - least
-    as_good = 0.0 if frontier.on_lap else settings.as_good * place.gain  # there the planner has found its way once
-    if gain >= as_good and gain > -0.5 and not (bend > _BENDS or tight):
+    if gain >= settings.as_good * place.gain and gain > -0.5 and not (bend > _BENDS or tight):
         return True
     if (memory.careful and bend > _BENDS_SHARPLY) or not gain > settings.worth_simulating * place.gain:
         return False
