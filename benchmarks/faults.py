@@ -316,8 +316,8 @@ FAULTS = {
     ),
     "a recovery that counts what it drove forward": Fault(
         file="controllers/safety/recovery.py",
-        old="history.back -= max(-way, 0.0)",
-        new="history.back -= max(way, 0.0)",
+        old="memory.back -= max(-speed * period, 0.0)",
+        new="memory.back -= max(speed * period, 0.0)",
         tests="test_recovery.py",
     ),
     # simulation

@@ -27,6 +27,7 @@ import numpy as np
 from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
+from ..perception.local_map import extend_path, move
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of, sees
 from ..safety.braking_trajectories import safe_speed
@@ -45,7 +46,7 @@ from ..safety.judge import Wanted, judge, judge_own, take
 from ..safety.line_following import on_line
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
-from ..safety.recovery import angle_along_history, extend_history, reverses
+from ..safety.recovery import angle_back, reverses
 from ..safety.rollout import Situation, without_movers
 from .actuation import apply_limits, apply_limits_of, read_speedometer
 from .planner_settings import Record
@@ -122,6 +123,10 @@ def begin(tick: Tick) -> None:
         log_step(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
     if driver.has_limiter:
         read_speedometer(memory.speedometer, tick.odometry.speed, driver.car, period_of(geometry))
+    if driver.recovery and not driver.guidance and sees(geometry, tick.ranges):  # guidance keeps the path itself
+        world = memory.guidance.frontier.map
+        move(world, odometry.speed, odometry.angular_velocity[2], period_of(geometry))
+        extend_path(world, geometry, tick.ranges)
 
 
 @kernel
@@ -146,7 +151,6 @@ def guide_reference(tick: Tick) -> None:
     log_step(memory.reasons, GUIDED, reference.steering_angle, reference.speed)
     if lead.who == TURN_LEADS and not on_lane:
         log_step(memory.reasons, MOVES, lead.steering_angle, lead.speed)
-        extend_path_history(tick.record)
         least = driver.limiter.settings.least_lateral_use
         tick.command[0], tick.command[1] = apply_limits(tick.record, lead.steering_angle, lead.speed, least)
         tick.record.decided = True
@@ -189,8 +193,7 @@ def drive_filtered(tick: Tick) -> None:
     driver, memory, guidance, reference = tick.driver, tick.memory, tick.memory.guidance, tick.reference
     speed, steering = _by_laws(tick), saturate(reference.steering_angle, driver.car.max_steering_angle)
     here = look_round(tick, False)
-    extend_path_history(tick.record)
-    if memory.history.tried > 0:
+    if memory.recovery.tried > 0:
         speed = min(speed, driver.recovery_settings.speed)
         log_step(memory.reasons, AFTER_RECOVERY, steering, speed)
     guided, path, in_sight = memory.lead == MOTION_LEADS, path_ahead(guidance), _in_sight(tick, here.widened)
@@ -247,7 +250,6 @@ def propose(tick: Tick, path: FloatArray, speed: float) -> bool:
     speed = min(speed, tick.reference.limit, tick.driver.max_speed)
     if not judge_own(look_round(tick, False), np.ascontiguousarray(path), speed, memory.judge):
         return False
-    extend_path_history(tick.record)
     _actuate(tick, SAFETY_FILTER, memory.judge.best)
     tick.record.decided = True
     return True
@@ -316,36 +318,33 @@ def _recovers(here: Situation, tick: Tick, found: bool, best: Record) -> bool:
     stands, waits = abs(here.speed) < here.settings.standing_speed, memory.predictions.count > 0
     waits |= not memory.guidance.frontier.found
     leads_on = found and memory.lead != NOBODY_LEADS
-    if not reverses(memory.history, driver.recovery_settings, stands, leads_on, waits, here.period):
+    settings, world = driver.recovery_settings, memory.guidance.frontier.map
+    back, recovery = angle_back(world, settings, driver.car), memory.recovery
+    if not reverses(recovery, settings, world, here.speed, stands, leads_on, waits, here.period) or math.isnan(back):
+        recovery.back = 0.0
         return False
-    best.steering_angle, best.speed = _back(tick), -driver.recovery_settings.speed
+    best.steering_angle, best.speed = back, -settings.speed
     return True
-
-
-@kernel
-def _back(tick: Tick) -> float:
-    """Return the steering angle [rad] back along the path."""
-    car = tick.driver.car
-    return saturate(angle_along_history(tick.memory.history, car.wheelbase), car.max_steering_angle)
 
 
 @kernel
 def _plans_in_time(here: Situation, tick: Tick, speed: float, best: Record) -> bool:
     """Write what the plan in time drives, or how it backs off; return whether it does either."""
-    driver, memory, reference, now = tick.driver, tick.memory, tick.reference, here.speed
-    history, seen = memory.history, memory.predictions.targets
+    driver, memory, guidance, reference = tick.driver, tick.memory, tick.memory.guidance, tick.reference
+    now = here.speed
+    seen, back = memory.predictions.targets, angle_back(guidance.frontier.map, driver.recovery_settings, driver.car)
     heading = seen.heading + (memory.velocity_frame.angle if driver.limiter.slip.needs_slip_angle else 0.0)
-    may_back_off = driver.recovery and abs(now) < 1.2 and now < 0.3 and history.known > 0
+    may_back_off = driver.recovery and abs(now) < 1.2 and now < 0.3 and not math.isnan(back)
     goal, onwards = (reference.bearing, reference.distance), max(speed, min(_ONWARDS, driver.max_speed))
     what, angle, planned = plan_in_time(
         here, memory.plan, (float(seen.x), float(seen.y), heading), goal, onwards, may_back_off
     )  # fmt: skip
     memory.judge.passed, best.use = False, 1.0
     if what == BACKS_OFF:
-        history.stood = 0.0
-        best.steering_angle, best.speed = _back(tick), -BACKING_SPEED
+        memory.recovery.stood = 0.0
+        best.steering_angle, best.speed = back, -BACKING_SPEED
     elif what == DRIVES:
-        history.back = 0.0  # an attempt to reverse is over
+        memory.recovery.back = 0.0  # an attempt to reverse is over
         best.steering_angle, best.speed = angle, planned
     return bool(what in (DRIVES, BACKS_OFF))
 
@@ -434,20 +433,10 @@ def _speed_by_what_is_ahead(geometry: Record, ranges: FloatArray, driver: Record
 @kernel
 def _brake(tick: Record) -> tuple[float, float]:
     """Return the command of the hardest stop that the tires hold on the present path; without odometry 0 and 0."""
-    extend_path_history(tick)
     limiter, angle = tick.driver.limiter, tick.odometry.steering_angle
     log_step(tick.memory.reasons, NO_REFERENCE, angle, 0.0)
     held = held_arc(limiter.slip, tick.driver.car, angle, tick.memory.limiter.curvature)
     return apply_limits(tick, held, 0.0, limiter.settings.least_lateral_use)
-
-
-@kernel
-def extend_path_history(tick: Record) -> None:
-    """Add the motion of the last tick to the path history; to be called once in every tick."""
-    driver, odometry = tick.driver, tick.odometry
-    if driver.recovery:
-        yaw_rate, period = odometry.angular_velocity[2], period_of(tick.geometry)
-        extend_history(tick.memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period)
 
 
 MEAN_RANGE_STAGE = Stage(text="speed law: slower where the mean range towards the goal is short")

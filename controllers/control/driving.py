@@ -23,7 +23,7 @@ from ..safety.guidance import GUIDANCE, GuidanceSettings
 from ..safety.judge import JUDGE, JudgeSettings
 from ..safety.plan_in_time import PLAN_IN_TIME
 from ..safety.predictions import MOST_LATE, PREDICTIONS
-from ..safety.recovery import PATH_HISTORY, RecoverySettings
+from ..safety.recovery import RECOVERY, RecoverySettings
 from .actuation import SPEEDOMETER
 from .assist import names_in
 from .planner_settings import (
@@ -95,7 +95,8 @@ class DrivingSettings(Settings):
 
 
 FLAGS = (
-    "mean_range", "distance_ahead", "friction_law", "sight", "safety_filter", "recovery", "prediction", "has_limiter",
+    "mean_range", "distance_ahead", "friction_law", "sight", "safety_filter", "recovery", "prediction", "guidance",
+    "has_limiter",
 )  # fmt: skip
 """Stages that kernels ask for; `has_limiter`: the friction limiter."""
 
@@ -120,7 +121,7 @@ DRIVER = np.dtype(
 DRIVING_MEMORY = np.dtype(
     [
         ("limiter", LIMITER_MEMORY),
-        ("history", PATH_HISTORY),
+        ("recovery", RECOVERY),
         ("guidance", GUIDANCE),
         ("lead", np.int64),  # who leads the car on, see PLANNER_LEADS of guidance,
         ("knows_speed", np.bool_),  # and whether the speed is that of a motion, which is free farther than is in sight

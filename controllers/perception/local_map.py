@@ -112,8 +112,10 @@ def move(memory: Record, speed: float, yaw_rate: float, period: float) -> None:
     memory.y += way * math.sin(memory.heading + 0.5 * turn)
     memory.heading += turn
     memory.driven += abs(way)
-    memory.along += abs(way)
+    memory.along += way
     memory.furthest = max(memory.furthest, memory.along)
+    if way < 0.0:
+        cut_path(memory, memory.along)
     column, row = math.floor(memory.x * PER_METRE), math.floor(memory.y * PER_METRE)
     if abs(column - memory.column) > SIZE or abs(row - memory.row) > SIZE:  # odometry that jumps
         memory.cells[:] = UNKNOWN

@@ -34,7 +34,7 @@ import numpy as np
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.decision import drive_line, extend_path_history, look_round
+from ..control.decision import drive_line, look_round
 from ..control.planner_settings import Record
 from ..control.reasons import ON_LINE, REMEMBERED_LINE, log_step
 from ..control.slip import lock_arc
@@ -335,7 +335,6 @@ def _follow(tick: Tick, proposal: LineProposal) -> None:
             best.steering_angle, best.speed, best.use = proposal.steering_angle, 0.0, 1.0
     settings.turn_in_use, settings.lateral_use_in_braking = own
     if free:
-        extend_path_history(tick.record)
         tick.memory.judge.best.why, tick.record.decided = ON_LINE, True
         drive_line(tick, best)
 
