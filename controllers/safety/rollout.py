@@ -40,6 +40,7 @@ from .predictions import WAIT, WAITS, meets
 
 _FINE_TICKS = 8  # later ones are simulated two at a time
 _TICKS = 64  # of the longest stop: 3 s
+_BEAMS = 16  # to each side of a disc on known ground, that are looked at
 _LONGER = 1.02  # [-] way of a stop over that of wheels that do not slip; tires that brake slip by up to 1 %
 
 
@@ -193,15 +194,15 @@ def occupied(here: Situation, plan: Plan, pose: tuple[float, float, float], time
 @kernel
 def _ends_in(here: Situation, ahead: float, left: float, away: float) -> bool:
     """Return whether a beam ends in the disc of the bare car round a place in the frame of the LiDAR, `away` [m]."""
-    first, increment, count = here.geometry.angle_min, here.geometry.angle_increment, len(here.ranges)
-    width = here.limiter.car.width
+    increment, width = here.geometry.angle_increment, here.limiter.car.width
     radius = math.hypot(0.5 * width, 0.25 * width)  # it covers the corners of the front
-    middle, half = nearest_beam(first, increment, ahead, left), math.inf
+    middle, half = nearest_beam(here.geometry.angle_min, increment, ahead, left), math.inf
     if away > radius:
         half = math.asin(radius / away) / increment
-    for beam in range(int(max(middle - half, 0.0)), int(min(middle + half, count - 1.0)) + 1):
-        end, across = here.ranges[beam], (beam - middle) * increment
-        if end * end + away * away - 2.0 * end * away * math.cos(across) < radius * radius:
+    step = max(int(half / _BEAMS), 1) if away > radius else 1
+    for beam in range(int(max(middle - half, 0.0)), int(min(middle + half, len(here.ranges) - 1.0)) + 1, step):
+        end, off = here.ranges[beam], (beam - middle) * increment
+        if end - away < radius and end * end + away * away - 2.0 * end * away * math.cos(off) < radius * radius:
             return True
     return False
 
