@@ -406,7 +406,7 @@ def _try(
         gap = _room_beside(among, step, (x, y, path[point, 2], path[point, 3]), gap, near)
         if gap < -_USED:
             return touched, scored
-        if speed < 0.05:
+        if speed < 0.05 and not (profile[2] > 0.0 and time < profile[1] + profile[3]):
             met = _is_met(among, step, (x, y, path[point, 2], path[point, 3]), near)
             return (gap, scored) if met == math.inf else (_TOUCHES + time + met, scored)
     return gap, scored
