@@ -28,6 +28,7 @@ from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
 from ..perception.local_map import extend_path, move
+from ..perception.frontiers import only_move
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of, sees
 from ..safety.braking_trajectories import safe_speed
@@ -140,6 +141,10 @@ def guide_reference(tick: Tick) -> None:
             if math.hypot(row[X], row[Y]) < _NO_MOVES:
                 turning.active = False
     ranges, settings = tick.ranges_without_cars, driver.guidance_settings
+    if memory.judge.best.why == ON_LINE and memory.predictions.count == 0:
+        only_move(geometry, ranges, odometry, memory.guidance.frontier)
+        memory.lead, memory.knows_speed, memory.guidance.follows = PLANNER_LEADS, False, False
+        return
     lead = follow_frontier(Seen(geometry, ranges, odometry, driver.limiter, settings, reference), memory.guidance)
     memory.lead, memory.knows_speed = lead.who, lead.knows_speed
     on_lane = reference.lane_points > 0

@@ -153,6 +153,14 @@ def search_frontier(
 
 
 @kernel
+def only_move(geometry: Record, ranges: FloatArray, odometry: Record, memory: Record) -> None:
+    """Take the car on by one tick along its path, and enter no scan; arguments as of `search_frontier`."""
+    move(memory.map, odometry.speed, odometry.angular_velocity[2], period_of(geometry))
+    extend_path(memory.map, geometry, ranges)
+    memory.ticks += 1
+
+
+@kernel
 def look_again(geometry: Record, ranges: FloatArray, lidar_offset: float, memory: Record, every: int) -> None:
     """Enter the scan and mark how near its walls are, `every` ticks after the last time.
 
