@@ -27,8 +27,8 @@ import numpy as np
 from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
-from ..perception.local_map import extend_path, move
 from ..perception.frontiers import only_move
+from ..perception.local_map import extend_path, move
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of, sees
 from ..safety.braking_trajectories import safe_speed
