@@ -14,7 +14,8 @@
    tried, then braking on it. The limiter turns the wheels faster there, and braking takes nothing of the cornering.
 5. Something new. The car brakes on the line; from 2 m/s on the planner drives, for 5 m. If nothing on the line is free,
    the judge may take any other proposal that is; if none is, the slowest contact on the line.
-6. Something that moves. While it is in sight the planner drives, or the plan in time.
+6. Something that moves. The planner drives until the car has driven two laps without seeing anything that moves: it may
+   be behind any corner.
 
 Source of the rounds of the line's shaping: A. Heilmeier et al., Minimum curvature trajectory planning and control for
 an autonomous race car, Vehicle System Dynamics 58(10), 2020.
@@ -82,6 +83,7 @@ _REACH, _REACH_TIME = 0.8, 0.3  # [m] and [s] to the point of the line to which 
 _USES = np.array([1.0, 0.75, 0.5])  # shares of the grip for cornering
 _BESIDE = (0.0, 0.1, -0.1)  # [m] to the left of the line, where the car drives if a wall is nearer than was seen
 _PLANNER_SPEED = 2.0  # [m/s] from which on the planner drives past something new
+_STILL_LAPS = 2.0  # without anything that moves, after which the line is followed again
 _PLANNER_DRIVES = 5.0  # [m] after something new was within twice that
 
 AWAY, NEAR, ON = range(3)
@@ -106,8 +108,8 @@ LINE = np.dtype(
 )
 """Type of a line, and of what is kept of it from tick to tick; zero at the beginning."""
 
-REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE)])
-"""Type of all that is remembered of the first lap."""
+REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE), ("moved", np.bool_), ("still", np.float64)])
+"""Type of all that is remembered: of the first lap, whether anything has moved, and the way [m] since."""
 
 
 class LineProposal(NamedTuple):
@@ -237,6 +239,8 @@ def propose_line(remembered: Record, odometry: Record, limiter: Record, shift: f
     none = LineProposal(AWAY, np.empty((0, 4)), 0.0, 0.0)
     if not (lap.closed and line.ready) or line.refused or lap.driven < line.until:
         return none
+    if remembered.moved and remembered.still < _STILL_LAPS * line.count * line.spacing:
+        return none
     if (limiter.slip.needs_slip_angle and line.trial.state != HOLDS) or not math.isfinite(now):
         return none
     if not follows:
@@ -286,10 +290,12 @@ def _nearest(points: FloatArray, x: float, y: float) -> int:
 def _remember(tick: Tick) -> None:
     """Keep the lap, and decide while the car is on its line."""
     state, odometry, limiter = tick.state, tick.odometry, tick.driver.limiter
+    if math.isfinite(odometry.speed):
+        state.still += abs(odometry.speed) * period_of(tick.geometry)
+    if tick.memory.predictions.count > 0:
+        state.moved, state.still = True, 0.0
     keep_lap(state, tick.geometry, tick.ranges_without_cars, odometry, tick.driver)
     if tick.record.decided or (tick.memory.guidance.follows and not state.line.follows):
-        return
-    if tick.memory.predictions.count > 0:  # the plan in time drives, or the planner
         return
     if state.line.follows and tick.memory.judge.best.why != ON_LINE:  # the judge took another proposal
         state.line.follows, state.line.until = False, state.lap.driven + _PLANNER_DRIVES

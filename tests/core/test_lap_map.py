@@ -178,7 +178,7 @@ def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     assert aside == pytest.approx(0.1, abs=5e-4)
 
 
-def test_a_car_on_its_line_is_proposed_to_follow_it_or_beside_it():
+def test_a_car_on_its_line_is_proposed_to_follow_it_or_beside_it_and_within_two_laps_of_a_mover_not():
     remembered, limiter = line_of_ring(), LIMITER.record[0]
     line, lap, motion = remembered["line"], remembered["lap"], odometry()
     ahead = np.diff(line["points"][:2], axis=0)[0]
@@ -194,6 +194,10 @@ def test_a_car_on_its_line_is_proposed_to_follow_it_or_beside_it():
     apart = beside.points[:, :2] - proposal.points[:, :2]
     left = np.column_stack((-np.sin(proposal.points[:, HEADING]), np.cos(proposal.points[:, HEADING])))
     assert apart == pytest.approx(0.1 * left) and beside.steering_angle > proposal.steering_angle
+    remembered["moved"], remembered["still"] = True, 5.0
+    assert propose_line(remembered, motion, limiter, 0.0).state == AWAY and not line["follows"]
+    remembered["still"] = 100.0
+    assert propose_line(remembered, motion, limiter, 0.0).state == ON
     lap["driven"], line["until"] = 3.0, 5.0  # the judge took another proposal
     assert propose_line(remembered, motion, limiter, 0.0).state == AWAY and not line["follows"]
 
