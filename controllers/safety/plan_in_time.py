@@ -379,7 +379,7 @@ def _try(
     limiter, speed, room = among.here.limiter, among.here.speed, among.room
     way, scored, gap = 0.0, 0.0, _ROOM
     slows = min(max(-among.here.memory.acceleration, 0.0), limiter.braking)
-    for step in range(1, _STEPS + 1):
+    for step in range(1, (_SOON if near == TURNED else _STEPS) + 1):
         time, point = step * _STEP, min(int(way / _POINT), len(path) - 2)
         share = max(1.0 - speed * speed * abs(path[point, 4]) / limiter.lateral - path[point, 5], 0.1)
         aim = 0.0

@@ -138,7 +138,7 @@ def simulate(here: Situation, plan: Plan, use: float, speed: float) -> Met:
     return met
 
 
-@kernel
+@inlined
 def _steer(
     here: Situation, plan: Plan, index: int, x: float, y: float, heading: float, angle: float, speed: float
 ) -> tuple[float, int]:
@@ -158,7 +158,7 @@ def _steer(
     return arc_through(lidar + nearer * ahead, nearer * left, car.wheelbase), index
 
 
-@kernel
+@inlined
 def occupied(here: Situation, plan: Plan, pose: tuple[float, float, float], time: float, stands: bool) -> int:
     """Return what a car meets whose rear axle is at a pose x [m], y [m], heading [rad] at a time [s].
 
@@ -218,7 +218,7 @@ def _was_seen(here: Situation, pose: tuple[float, float, float], ahead: float) -
     return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] & (KIND | NEARNESS) == FREE_GROUND)
 
 
-@kernel
+@inlined
 def reading_towards(here: Situation, ahead: float, left: float) -> float:
     """Return the widened reading [m] in the direction of a point [m] in the frame of the LiDAR."""
     index = nearest_beam(here.geometry.angle_min, here.geometry.angle_increment, ahead, left)
