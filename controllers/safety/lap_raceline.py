@@ -22,7 +22,7 @@ an autonomous race car, Vehicle System Dynamics 58(10), 2020.
 
 Limits: what stands on the line behind a corner, and was not there in the first lap, is seen late: the car comes faster
 than it could stop within what it sees. A line that is sharper somewhere than 1.08 times the curvature at full lock is
-not followed at all.
+not followed at all: the next lap is recorded, and gives another.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from ..control.slip import lock_arc
 from ..control.stages import Stage, Tick
 from ..control.steering import arc_through, saturate
 from ..control.tracking import HEADING, SPEED, X, Y, next_point
-from ..perception.lap_map import BEAMS, LAP_MAP, ends_of, nearest_place, see_lap, walls_of
+from ..perception.lap_map import BEAMS, LAP_MAP, ends_of, forget_lap, nearest_place, see_lap, walls_of
 from ..perception.scan_geometry import period_of
 from .judge import consider
 from .lap_trial import FAILS, HOLDS, TRIAL, TRYING, try_lap
@@ -133,6 +133,8 @@ def keep_lap(remembered: Record, geometry: Record, ranges: FloatArray, odometry:
       driver: of type driving.DRIVER.
     """
     lap, line, limiter = remembered.lap, remembered.line, driver.limiter
+    if line.refused:  # the car stood or turned in moves on that lap: the next one may give a line
+        forget_lap(lap)
     see_lap(lap, geometry, ranges, odometry, driver.car.lidar_offset)
     if not lap.closed:
         line.step, line.failed, line.ready, line.refused, line.follows, line.until = 0, 0, False, False, False, 0.0

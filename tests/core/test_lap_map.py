@@ -19,6 +19,7 @@ from fg_mujoco.controllers.safety.lap_raceline import (
     AWAY,
     ON,
     REMEMBERED,
+    keep_lap,
     propose_line,
     shape_line,
 )
@@ -150,6 +151,16 @@ def test_the_car_brakes_for_a_corner_as_late_as_the_limiter_can():
     assert before - square(20, 0.5) == pytest.approx(2.0 * 0.85 * LIMITER.braking * 0.5 * 0.25)
     points[:40, DEMAND] = 0.3  # in a bend there is less for braking
     assert square(20, 0.0) < before - 1.0
+
+
+def test_after_a_lap_that_gives_no_line_the_next_one_is_recorded():
+    remembered, driver = line_of_ring(), np.zeros(1, TICK)[0]["driver"]
+    driver["limiter"], driver["car"], driver["max_speed"] = LIMITER.record[0], CAR_ROW, 8.0
+    for refused in (False, True):
+        remembered["line"]["refused"] = refused
+        keep_lap(remembered, GEOMETRY, scan_at(RING, 0.0), odometry(), driver)
+        assert (remembered["lap"]["closed"], remembered["line"]["ready"]) == (not refused, not refused)
+    assert remembered["lap"]["count"] == 1 and not remembered["line"]["refused"]
 
 
 def line_on_circle(radius, count):
