@@ -28,7 +28,6 @@ from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
 
 from ..perception.frontiers import only_move
-from ..perception.local_map import extend_path, move
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of, sees
 from ..safety.braking_trajectories import safe_speed
@@ -125,9 +124,7 @@ def begin(tick: Tick) -> None:
     if driver.has_limiter:
         read_speedometer(memory.speedometer, tick.odometry.speed, driver.car, period_of(geometry))
     if driver.recovery and not driver.guidance and sees(geometry, tick.ranges):  # guidance keeps the path itself
-        world = memory.guidance.frontier.map
-        move(world, odometry.speed, odometry.angular_velocity[2], period_of(geometry))
-        extend_path(world, geometry, tick.ranges)
+        only_move(geometry, tick.ranges, odometry, memory.guidance.frontier)
 
 
 @kernel
