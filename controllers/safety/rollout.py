@@ -94,7 +94,7 @@ class Plan(NamedTuple):
 
     bearing: float  # [rad] of the goal from the LiDAR
     distance: float  # [m] of that goal
-    path: FloatArray  # (m, 4) motion, as in control.tracking
+    path: FloatArray  # (m, 4) motion, as in control.tracking, or (m, 5) with the speeds at which the car goes on
     speed: float  # [m/s] that is commanded for a tick, before the car brakes
     margin: float  # [m] ahead of the bumper
 
@@ -165,7 +165,8 @@ def occupied(here: Situation, plan: Plan, pose: tuple[float, float, float], time
     What has to stay clear: the disc over the car's front, its centre a quarter of the width behind the bumper, and the
     plan's margin ahead of it; and discs of the same size round the LiDAR and the rear axle, which cut the corner, once
     they are ahead of where the LiDAR is now. Along a path, ground that the local map has free counts as free where a
-    corner hides it. Where the car `stands`, nothing that moves may come by for a while.
+    corner hides it. On known ground all that is hidden does, and only ends of beams within the bare car's discs count.
+    Where the car `stands`, nothing that moves may come by for a while.
     """
     car, x, y, cos, sin = here.limiter.car, pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
     lidar, front = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width
