@@ -45,7 +45,7 @@ from ..safety.guidance import (
 from ..safety.judge import Wanted, judge, judge_own, take
 from ..safety.line_following import on_line
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
-from ..safety.predictions import X, Y, foresee, turned
+from ..safety.predictions import foresee, turned
 from ..safety.recovery import angle_back, reverses
 from ..safety.rollout import Situation, without_movers
 from .actuation import apply_limits, apply_limits_of, read_speedometer
@@ -89,7 +89,6 @@ from .steering import saturate
 from .tracking import CURVATURE
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on among targets where its reference is slower
-_NO_MOVES = 2.0  # [m] from a target the car does not turn in moves
 _MOST_OWN = 8  # motions of stages of the user's that are simulated in a tick
 _COLUMNS = CURVATURE + 1  # of a motion
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
@@ -133,10 +132,7 @@ def guide_reference(tick: Tick) -> None:
     driver, reference, memory, odometry = tick.driver, tick.reference, tick.memory, tick.odometry
     geometry, turning = tick.geometry, memory.guidance.turning
     if memory.predictions.count > 0:
-        turning.slow = 0  # what is in the way moves on
-        for row in memory.predictions.rows[: memory.predictions.count]:
-            if math.hypot(row[X], row[Y]) < _NO_MOVES:
-                turning.active = False
+        turning.slow = 0.0  # what is in the way moves on
     ranges, settings = tick.ranges_without_cars, driver.guidance_settings
     if memory.judge.best.why == ON_LINE and memory.predictions.count == 0:
         only_move(geometry, ranges, odometry, memory.guidance.frontier)

@@ -84,7 +84,6 @@ _LEAST_FRONTIER = 5  # cells
 _LEAST_FRONTIER_BACK = 10  # cells, where the car has to leave a pocket for it
 _WIDE = 3.0  # [m] of a frontier; more counts as this
 _SAME = 1.0  # [m] from the last frontier: another one counts as the same, and as 1 m farther
-_LEAST_LOOP = 3.0  # [m] to the far side of a closed path
 
 FRONTIER_SEARCH = np.dtype(
     [
@@ -323,7 +322,7 @@ def _find_behind(memory: Record, ground: _Ground) -> bool:
         point = world.path[(world.newest - back) % PATH]
         cell = cell_at(point[0], point[1])
         behind = world.along - point[ALONG] > _CLOSED_LOOP + 2.0 * CELL
-        if behind and ground.distance[cell] != FAR and ground.distance[cell] * CELL > _LEAST_LOOP:
+        if behind and ground.distance[cell] != FAR:
             ground.goal[0] = cell
             memory.x, memory.y = point[0], point[1]
             return True

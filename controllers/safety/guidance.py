@@ -165,7 +165,7 @@ def follow_frontier(seen: Seen, memory: Record) -> Lead:
     led = memory.follows or turning.active or memory.careful
     offset = limiter.car.lidar_offset
     search_frontier(geometry, ranges, odometry, offset, frontier, settings.every, settings.every_plain, led)
-    turn_in_moves(frontier, limiter, turning, odometry.steering_angle, speed)
+    turn_in_moves(frontier, limiter, turning, odometry.steering_angle, speed, period_of(geometry))
     if turning.active:
         memory.careful = True
         return Lead(TURN_LEADS, turning.steering_angle, math.nan, math.nan, turning.speed, False)

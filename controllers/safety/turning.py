@@ -32,9 +32,8 @@ from .motion_search import (
 )
 
 _SLOW = 0.7  # [m/s]
-_PATIENCE = 14  # ticks
-_TICK = 0.025  # [s]
-_GIVE_UP = 40  # ticks without moving
+_PATIENCE = 0.35  # [s]
+_GIVE_UP = 1.0  # [s] without moving
 _SPEED = 0.8  # [m/s]
 _BRAKING = 1.5  # [m/s^2] before a change of direction
 _REACH = 0.3  # [m] to the point that the car steers for
@@ -44,7 +43,7 @@ _GRIP = 0.85  # of the cornering acceleration; the search takes the car to be st
 TURNING = np.dtype(
     [
         ("active", np.bool_),
-        ("slow", np.int64),  # ticks for which the car has been slow; while turning, for which it has stood
+        ("slow", np.float64),  # [s] for which the car has been slow; while turning, for which it has stood
         ("failed", np.int64),  # times that no motion was found
         ("motion", MOTION),
         ("next_point", np.int64),  # index of the motion's point that is next
@@ -57,7 +56,9 @@ TURNING = np.dtype(
 
 
 @kernel
-def turn_in_moves(frontier: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> None:
+def turn_in_moves(
+    frontier: Record, limiter: Record, memory: Record, steering_angle: float, speed: float, period: float
+) -> None:
     """Begin, follow or end a turn in several moves. While it is active, its command is in the memory.
 
     Args:
@@ -66,8 +67,9 @@ def turn_in_moves(frontier: Record, limiter: Record, memory: Record, steering_an
       memory: of type TURNING, written to.
       steering_angle: present [rad].
       speed: present [m/s].
+      period: of a tick [s].
     """
-    if not memory.active and not _begins(frontier, limiter, memory, steering_angle, speed):
+    if not memory.active and not _begins(frontier, limiter, memory, steering_angle, speed, period):
         return
     car, world, motion = limiter.car, frontier.map, memory.motion
     cos, sin = math.cos(world.heading), math.sin(world.heading)
@@ -79,10 +81,11 @@ def turn_in_moves(frontier: Record, limiter: Record, memory: Record, steering_an
         if ahead > (0.03 if last else 0.12):
             break
         memory.next_point += 1
-    if memory.next_point >= motion.count or memory.slow > _GIVE_UP or not _is_free(frontier, car, memory):
-        memory.active, memory.slow = False, 0
+    stands = memory.slow > _GIVE_UP + 0.5 * period
+    if memory.next_point >= motion.count or stands or not _is_free(frontier, car, memory):
+        memory.active, memory.slow = False, 0.0
         return
-    memory.slow = memory.slow + 1 if abs(speed) < 0.05 else 0
+    memory.slow = memory.slow + period if abs(speed) < 0.05 else 0.0
     direction, left, target = motion.points[memory.next_point, DIRECTION], 0.0, -1
     x, y, end = world.x, world.y, memory.next_point
     while end < motion.count and motion.points[end, DIRECTION] == direction:
@@ -101,19 +104,21 @@ def turn_in_moves(frontier: Record, limiter: Record, memory: Record, steering_an
     memory.speed = min(_SPEED, math.sqrt(2.0 * _BRAKING * left) + 0.1) * direction
     turns_wheels = abs(memory.steering_angle - steering_angle) > 0.05 and abs(speed) < 0.3
     if speed * direction < -0.1 or turns_wheels:
-        memory.speed, memory.slow = 0.0, 0
+        memory.speed, memory.slow = 0.0, 0.0
 
 
 @kernel
-def _begins(frontier: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> bool:
+def _begins(
+    frontier: Record, limiter: Record, memory: Record, steering_angle: float, speed: float, period: float
+) -> bool:
     """Return whether the car begins to turn now."""
-    memory.slow = memory.slow + 1 if abs(speed) < _SLOW else 0
+    memory.slow = memory.slow + period if abs(speed) < _SLOW else 0.0
     settings = limiter.settings
     start = _SLOW / limiter.accelerating + 0.5 * settings.load_transfer_time  # [s] of a standing start to _SLOW
-    late = math.ceil(limiter.car.command_delay / _TICK)  # ticks until the car answers a command
-    if memory.slow < max(_PATIENCE, int(start / _TICK) + 2) + late or not frontier.found:
+    patience = max(_PATIENCE, start + period) + limiter.car.command_delay  # [s] until the car answers a command
+    if memory.slow < patience - 0.5 * period or not frontier.found:
         return False
-    memory.slow = 0
+    memory.slow = 0.0
     car, world = limiter.car, frontier.map
     curvature = math.tan(steering_angle) / car.wheelbase
     cos, sin = math.cos(world.heading), math.sin(world.heading)
