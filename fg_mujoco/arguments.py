@@ -7,7 +7,7 @@ import functools
 import inspect
 import types
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
@@ -149,8 +149,15 @@ class Uncopied:
 class Remade(Uncopied):
     """Base of what is copied and pickled by making it again, with the calls that it noted with `_note_call`."""
 
+    __signature__: ClassVar[inspect.Signature]
     _made_of: tuple[tuple[Any, ...], dict[str, Any]]
     _calls_since: dict[Any, tuple[Any, ...]]
+
+    def __init_subclass__(cls, **named: Any) -> None:
+        """Say by which arguments it is made: before Python 3.11.3 `inspect` finds those of `__new__`."""
+        super().__init_subclass__(**named)
+        signature = inspect.signature(cls.__init__)
+        cls.__signature__ = signature.replace(parameters=[*signature.parameters.values()][1:])
 
     def __new__(cls, *args: Any, **named: Any) -> Self:
         """Note the arguments that it is made of."""

@@ -1,6 +1,7 @@
 """A planner of one's own on the base classes: settings, memory and scans reach its kernel, alone and in a batch."""
 
 import copy
+import inspect
 import math
 import re
 from dataclasses import dataclass, replace
@@ -229,3 +230,11 @@ def test_what_a_stage_keeps_is_kept_for_the_planners_that_have_it():
     assert len(PlannerBatch(GapFinder, [remembers, plain]).stage_states["remember"]) == 2
     with pytest.raises(KeyError):
         plain.stage_state("remember")
+
+
+@each("kind", [GapFinder, Patient])
+def test_a_planner_says_by_which_arguments_it_is_made_to_python_3_10_too(kind):
+    """Before Python 3.11.3 `inspect` finds those of an inherited `__new__`, where the class does not say."""
+    own = [*inspect.signature(kind.__init__).parameters.values()][1:]
+    assert list(vars(kind)["__signature__"].parameters.values()) == own
+    assert {"car", "mu", "max_speed"} <= {each.name for each in own}
