@@ -150,6 +150,7 @@ class Planner(Remade):
         self._commands = np.zeros((1, 2))
 
     def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         if "reference" in vars(cls):
             cls.refer = staticmethod(_refers_by(_own_kernel(cls, "reference", _REFERENCE)))
         if "__call__" in vars(cls) and "batch" not in vars(cls):
