@@ -12,16 +12,18 @@ ARGS ?=
 BIN := $(VENV)/bin
 RACES := $(VENV)/.races
 READY := $(VENV)/.ready
+NATIVE := $(VENV)/.native
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit mujoco4 fuzz lint house bench figures friction docs picture dist release clean
+.PHONY: help race native test quick unit mujoco4 fuzz lint house bench figures friction docs picture dist release clean
 .DEFAULT_GOAL := help
 
 help:
 	@sed -n '/^# make/s/^# //p; /^## /s/^## //p' Makefile
 
 CONSTRAINTS ?= constraints.txt
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c $(CONSTRAINTS)
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+INSTALL := $(PIP) install -c $(CONSTRAINTS)
 
 # What a race needs, with its report and picture; nothing is compiled before it is imported.
 $(RACES): pyproject.toml $(CONSTRAINTS)
@@ -29,18 +31,27 @@ $(RACES): pyproject.toml $(CONSTRAINTS)
 	    || { echo "$(PYTHON) is too old or missing; needed: Python 3.10 or newer" >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null \
 	    || { echo "Python's venv is missing; to install it: sudo apt-get install python3-venv" >&2; exit 1; }
-	@echo "installing what a race needs in $(VENV), once: about a minute"
+	@echo "installing what a race needs in $(VENV), and compiling the native core, once: about a minute"
 	@$(PYTHON) -m venv $(VENV)
-	@$(PIP) --no-compile -e '.[plot,report]' || $(BIN)/python tools/missing.py plot,report
+	@$(INSTALL) --no-compile scikit-build-core nanobind \
+	    || { echo "the install did not end. With a network, the same command goes on" >&2; exit 1; }
+	@needed=$$($(BIN)/python native/build_backend.py) && { test -z "$$needed" || $(INSTALL) --no-compile $$needed; }
+	@$(INSTALL) --no-compile --no-build-isolation -e '.[plot,report]' || $(BIN)/python tools/missing.py plot,report
+	@touch $@ $(NATIVE)
+
+## make native  builds the native core again, of what has changed in native/
+native: $(NATIVE)
+$(NATIVE): $(shell find native -type f) | $(RACES)
+	@test -f $@ && test -z "$$(find native -type f -newer $@)" || $(INSTALL) --no-deps --no-build-isolation -e .
 	@touch $@
 
 # What developers need besides.
-$(READY): $(RACES)
+$(READY): $(RACES) | $(NATIVE)
 	@echo "installing what tests need in $(VENV), once: some minutes"
-	@$(PIP) -e '.[dev]' || $(BIN)/python tools/missing.py dev
+	@$(INSTALL) --no-build-isolation -e '.[dev]' || $(BIN)/python tools/missing.py dev
 	@touch $@
 
-race: $(RACES)
+race: $(RACES) $(NATIVE)
 	$(BIN)/fg-mujoco race --track $(TRACK) --controller $(CONTROLLER) --laps $(LAPS) --out $(RUN) $(ARGS)
 	@echo "the picture: $(RUN)/trace.png"
 
@@ -94,8 +105,8 @@ friction: $(READY)
 
 ## make docs    the documentation as a site, in build/site
 docs: $(READY)
-	@$(BIN)/python -c 'import material, mkdocstrings' 2>/dev/null || $(BIN)/python -m pip install --quiet \
-	    --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@$(BIN)/python -c 'import material, mkdocstrings' 2>/dev/null || $(INSTALL) \
+	    --no-build-isolation -e '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
 	@echo "the site: build/site/index.html"
 
@@ -109,10 +120,9 @@ picture: $(READY)
 
 ## make dist    the wheel and the sdist of a release, in dist/
 dist: $(READY)
-	rm -rf dist build/lib build/bdist.*  # a file that was removed since would stay in the wheel
-	$(BIN)/python -c "from setuptools import build_meta as build; build.build_sdist('dist'); build.build_wheel('dist')" \
-	    > /dev/null
-	@rm -rf build/lib build/bdist.*
+	rm -rf dist
+	$(PIP) wheel --no-deps --no-build-isolation -w dist .
+	$(BIN)/python -c "from scikit_build_core.build import build_sdist; build_sdist('dist')" > /dev/null
 	@ls dist/*
 
 ## make release VERSION=0.2.0   tests, builds, tries and tags a release; with ARGS=--dry-run all but the tag

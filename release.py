@@ -28,8 +28,8 @@ VERSION = re.compile(r"\d+\.\d+\.\d+")
 PLACES = {"pyproject.toml": r'^version = "(.*)"$', "CITATION.cff": r'^version: "(.*)"$'}
 STEPS = {
     "test": "make test",
-    "build": 'rm -rf dist && {python} -W ignore -c "from setuptools import build_meta as build; '
-    "build.build_sdist('dist'); build.build_wheel('dist')\" > /dev/null",
+    "build": "rm -rf dist && {python} -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation "
+    "-w dist . && {python} -c \"from scikit_build_core.build import build_sdist; build_sdist('dist')\" > /dev/null",
     "try": "{python} {script} --try-wheel {version} {offline}",
     "docs": "NO_MKDOCS_2_WARNING=1 {python} -m mkdocs build --strict --quiet",
 }

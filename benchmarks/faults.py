@@ -22,12 +22,13 @@ from pathlib import Path
 from common import parser, report, table
 
 from fg_mujoco.compiled.kernels import cache_folder
+from fg_mujoco.native import library_path
 
 ROOT = Path(__file__).parent.parent
 INSIDE = ("addons", "controllers", "models", "tracks")
 """Folders of the repository that are installed inside fg_mujoco."""
-LINKED = ("benchmarks", "docs", "examples", "tools", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile",
-          "mkdocs.yml", "pyproject.toml", "constraints.txt")  # fmt: skip
+LINKED = ("benchmarks", "docs", "examples", "native", "tools", "README.md", "CHANGELOG.md", "CONTRIBUTING.md",
+          "Makefile", "mkdocs.yml", "pyproject.toml", "constraints.txt")  # fmt: skip
 """What tests read besides the package."""
 
 
@@ -82,8 +83,8 @@ FAULTS = {
     ),
     "a LiDAR's bias with the wrong sign": Fault(
         file="fg_mujoco/lidar/scan_pipeline.py",
-        old="distance += error_at(knots, values, 1, distance) + deviation * noise",
-        new="distance += deviation * noise - error_at(knots, values, 1, distance)",
+        old="np.ascontiguousarray(errors.at(beams.bearings))",
+        new="np.ascontiguousarray(errors.at(beams.bearings) * (1.0, -1.0, 1.0))",
         tests="test_measured_errors.py",
     ),
     # vehicle
@@ -843,9 +844,13 @@ FAULTS = {
 
 
 def copy_of(checkout: Path, folder: Path) -> None:
-    """Lay the package out as it is installed, its tests beside it, and link the rest of the repository."""
+    """Lay the package out as it is installed, with the native core of this Python, and its tests beside it.
+
+    The rest of the repository is linked.
+    """
     leave = shutil.ignore_patterns("__pycache__")
     shutil.copytree(checkout / "fg_mujoco", folder / "fg_mujoco", ignore=leave)
+    shutil.copy(library_path(), folder / "fg_mujoco")
     for name in INSIDE:
         shutil.copytree(checkout / name, folder / "fg_mujoco" / name, ignore=leave)
         (folder / name).symlink_to(folder / "fg_mujoco" / name)
@@ -876,7 +881,10 @@ def write(path: Path, text: str) -> None:
 
 def first_failure(tests: list[str], folder: Path, without: list[str] | None = None) -> str | None:
     """Run tests in the copy, but for those `without` which they are run, and return the first that fails."""
+    # The editable install would come before PYTHONPATH; it looks away in what it takes for its own build.
+    builds = [str(each.path) for each in sys.meta_path if type(each).__name__ == "ScikitBuildRedirectingFinder"]
     environment = os.environ | {"PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder.parent / "cache")}
+    environment["SKBUILD_EDITABLE_SKIP"] = os.pathsep.join(builds)
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-rfE", *tests]
     command += [f"--deselect={name}" for name in without or ()]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)

@@ -152,12 +152,6 @@ def short_matrix(row: Row) -> Any:
 
 
 @kernel
-def corner_numbers(row: Row) -> Any:
-    """Return the array of a row: 16-bit whole numbers along two axes."""
-    return carray(pointer(row[0]), (row[1], row[2]), np.uint16)
-
-
-@kernel
 def rows(row: Row, kind: Any) -> Any:
     """Return the array of a row: of a type of records."""
     return carray(pointer(row[0]), (row[1],), kind)

@@ -6,23 +6,18 @@ that is fixed to the body of a free joint, or to a mocap body, needs neither: it
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from ..compiled.kernels import kernel
 from ..messages import FloatArray
+from ..native import core
 
-PoseArrays = tuple[NDArray[np.int32], FloatArray, FloatArray, FloatArray, FloatArray]
-"""Of m bodies: what each pose follows from and where that lies, offsets of positions and rotations, the poses."""
 StateArrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 """qpos, mocap_pos, mocap_quat, xpos and xmat, as in a mujoco.MjData."""
 
-_FREE_JOINT, _MOCAP, _KINEMATICS, _LEVEL = 0, 1, 2, 3  # what a pose follows from; of a free joint that stays level
-_LEAST_NORM = 1e-15  # mjMINVAL: MuJoCo takes shorter quaternions for no rotation
+_FREE_JOINT, _MOCAP, _KINEMATICS, _LEVEL = 0, 1, 2, 3  # what a pose follows from, as in native/lidar/body_poses.cpp
 
 
 class Mount(NamedTuple):
@@ -35,7 +30,12 @@ class Mount(NamedTuple):
 
 
 class BodyPoses:
-    """Poses of some bodies as of the last `read`: `positions` (m, 3) [m], `rotations` (m, 3, 3) into the world."""
+    """Poses of some bodies as of the last `read`.
+
+    Attributes:
+      positions, rotations: (m, 3) [m] and (m, 3, 3), into the world.
+      native: the arrays of the native core.
+    """
 
     def __init__(self, model: Any, bodies: tuple[int, ...], *, level: bool = False) -> None:
         data = mujoco.MjData(model)
@@ -57,29 +57,29 @@ class BodyPoses:
             offset_positions[index] = to_root @ (data.xpos[body] - data.xpos[root])
             offset_rotations[index] = to_root @ data.xmat[body].reshape(3, 3)
         self.positions, self.rotations = np.empty((count, 3)), np.empty((count, 3, 3))
-        self.arrays: PoseArrays = (sources, offset_positions, offset_rotations, self.positions, self.rotations)
+        self._sources, self._offset_positions, self._offset_rotations = sources, offset_positions, offset_rotations
+        self.native = core.Poses(sources, offset_positions, offset_rotations, self.positions, self.rotations)
 
     def read(self, data: Any) -> None:
         """Read the poses at the present state of `data`. Those that follow from joints want mj_kinematics before."""
-        read_poses(self.arrays, state_arrays(data))
+        core.read_poses(self.native, *state_arrays(data))
 
     def mount(self, index: int) -> Mount | None:
         """Return the mount of the body of this index on that of a free joint; None where it has none."""
-        sources, offset_positions, offset_rotations, _, _ = self.arrays
-        kind, address = sources[index]
+        kind, address = self._sources[index]
         if kind not in (_FREE_JOINT, _LEVEL):
             return None
-        return Mount(int(address), offset_positions[index].copy(), offset_rotations[index].copy(), bool(kind == _LEVEL))
+        offset_position, offset_rotation = self._offset_positions[index].copy(), self._offset_rotations[index].copy()
+        return Mount(int(address), offset_position, offset_rotation, bool(kind == _LEVEL))
 
 
 def state_arrays(data: Any) -> StateArrays:
-    """Return the arrays of a mujoco.MjData that `read_poses` reads."""
+    """Return the arrays of a mujoco.MjData that `BodyPoses.read` reads."""
     return data.qpos, data.mocap_pos, data.mocap_quat, data.xpos, data.xmat
 
 
-@kernel
 def mounted_pose(
-    pose: tuple[float, ...],
+    pose: FloatArray,
     level: bool,
     offset_position: FloatArray,
     offset_rotation: FloatArray,
@@ -90,41 +90,4 @@ def mounted_pose(
 
     `pose` (7,) has position [m] and quaternion wxyz of the free body, in whose frame the offsets are.
     """
-    w, x, y, z = pose[3], pose[4], pose[5], pose[6]
-    if level:
-        x = y = 0.0
-    norm = math.sqrt(w * w + x * x + y * y + z * z)
-    if norm < _LEAST_NORM:
-        w, x, y, z, norm = 1.0, 0.0, 0.0, 0.0, 1.0
-    w, x, y, z = w / norm, x / norm, y / norm, z / norm
-    turn = (
-        (w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z),
-    )
-    for i in range(3):
-        a, b, c = turn[i]
-        position[i] = pose[i] + (a * offset_position[0] + b * offset_position[1] + c * offset_position[2])
-        for j in range(3):
-            rotation[i, j] = a * offset_rotation[0, j] + b * offset_rotation[1, j] + c * offset_rotation[2, j]
-
-
-@kernel
-def read_poses(poses: PoseArrays, state: StateArrays) -> None:
-    """Write the poses of the bodies of a BodyPoses at the state of a simulation, into the last two of its arrays."""
-    sources, offset_positions, offset_rotations, positions, rotations = poses
-    qpos, mocap_pos, mocap_quat, xpos, xmat = state
-    for i in range(len(sources)):
-        kind, place = sources[i]
-        if kind == _KINEMATICS:
-            for j in range(3):  # numba takes seconds to compile the copying of an array into part of another
-                positions[i, j] = xpos[place, j]
-                for k in range(3):
-                    rotations[i, j, k] = xmat[place, 3 * j + k]
-            continue
-        if kind != _MOCAP:
-            p, q = qpos[place : place + 3], qpos[place + 3 : place + 7]
-        else:
-            p, q = mocap_pos[place], mocap_quat[place]
-        pose = (p[0], p[1], p[2], q[0], q[1], q[2], q[3])
-        mounted_pose(pose, kind == _LEVEL, offset_positions[i], offset_rotations[i], positions[i], rotations[i])
+    core.mounted_pose(pose, level, offset_position, offset_rotation, position, rotation)

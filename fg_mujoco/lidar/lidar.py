@@ -17,14 +17,13 @@ import mujoco
 import numpy as np
 
 from ..arguments import explain_class
-from ..compiled.kernels import kernel
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
-from ..messages import FloatArray, read_only
+from ..messages import FloatArray
+from ..native import core
 from .beams import Beams, lidar_body, lidar_of
-from .body_poses import BodyPoses, Mount, PoseArrays, StateArrays, read_poses, state_arrays
-from .scanline import scan
-from .visible_surfaces import ScanlineScene, SceneArrays, Scratch, is_scanline
+from .body_poses import BodyPoses, Mount, state_arrays
+from .visible_surfaces import ScanlineScene, is_scanline
 
 LIDAR_BACKENDS = ("raycast", "rangefinder")
 
@@ -114,7 +113,7 @@ class RaycastLidar:
         self.scene = ScanlineScene(model, self.beams, self.body)
         self.poses = BodyPoses(model, (self.body, *self.scene.moving), level=self.beams.level)
         self.mount = self.poses.mount(0)
-        self._arrays, self._scratch = tuple(self.scene.arrays), tuple(self.scene.scratch())
+        self._scene, self._scratch = core.Scene(*self.scene.arrays), core.Scratch(*self.scene.scratch())
 
     def __repr__(self) -> str:
         return brief(self, repr(self.beams))
@@ -122,7 +121,7 @@ class RaycastLidar:
     def ranges(self, data: Any) -> FloatArray:
         """Return the readings at the present state of `data`, all beams at once. Shape (n,) [m]."""
         readings = np.empty(len(self.beams.bearings))
-        _scan_state(self._arrays, self.poses.arrays, state_arrays(data), self._scratch, readings)
+        core.scan_state(self._scene, self._scratch, self.poses.native, *state_arrays(data), readings)
         return readings
 
     def ranges_along(self, bearings: FloatArray, positions: FloatArray, rotations: FloatArray) -> FloatArray:
@@ -130,26 +129,9 @@ class RaycastLidar:
         readings = np.empty(len(bearings))
         step = (bearings[-1] - bearings[0]) / max(len(bearings) - 1, 1)
         limits = np.array((bearings[0], step or self.beams.angle_increment, self.beams.range_min, self.beams.range_max))
-        along = read_only(np.stack((np.cos(bearings), np.sin(bearings)))), read_only(limits)
-        _scan_poses((*along, *self._arrays[2:]), positions, rotations, self._scratch, readings)
+        scene = self._scene.along(np.stack((np.cos(bearings), np.sin(bearings))), limits)
+        core.scan_poses(scene, self._scratch, positions, rotations, readings)
         return readings
-
-
-@kernel
-def _scan_state(
-    scene: tuple[Any, ...], poses: PoseArrays, state: StateArrays, scratch: tuple[Any, ...], out: FloatArray
-) -> None:
-    """Write the readings at a state. Plain tuples: numba takes named ones over from Python at twice the cost."""
-    read_poses(poses, state)
-    _scan_poses(scene, poses[3], poses[4], scratch, out)
-
-
-@kernel
-def _scan_poses(
-    scene: tuple[Any, ...], positions: FloatArray, rotations: FloatArray, scratch: tuple[Any, ...], out: FloatArray
-) -> None:
-    """Write the readings with the LiDAR at the first of some poses, and what moves at the others."""
-    scan(SceneArrays(*scene), positions[0], rotations[0], positions[1:], rotations[1:], Scratch(*scratch), out)
 
 
 def lidar_mount(model: Any, prefix: str = "") -> Mount | None:

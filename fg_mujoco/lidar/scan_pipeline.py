@@ -11,13 +11,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.kernels import kernel
 from ..errors import SettingsError
 from ..messages import FloatArray, LaserScan
+from ..native import core
 from .beams import Beams
 from .effects import LidarEffects
 from .lidar import Lidar, RaycastLidar
-from .random_numbers import draw_normals, draw_shares, generator_state, ziggurat
+from .random_numbers import generator_state, ziggurat
 
 _FASTEST = 200.0  # [m/s] that anything moves; what is elsewhere sooner was put there
 _PARTS = 8  # of a sweep that is distorted: 99.6 % of the beams are within 1e-3 m then, the others at edges
@@ -114,77 +114,16 @@ class EffectsOfRows:
 
     def apply(self, which: NDArray[np.bool_], ranges: FloatArray) -> None:
         """Turn what was measured into what is delivered now, in the rows `which` (r,) of ranges (r, beams) [m]."""
-        _disturb(
+        core.apply_effects(
             np.flatnonzero(self._begun & which), ranges, self._states, *ziggurat(), self._deviations, self._noise,
             self._dropouts, self._shares, self._no_returns, self._lates, self._sweeps, self._held, self._table_of,
-            self._knots, self._values, self._beams.range_min, self._beams.range_max,
+            self._knots, self._values.reshape(-1, 3), self._beams.range_min, self._beams.range_max,
         )  # fmt: skip
 
 
 def _tables(errors: Any, beams: Beams) -> tuple[FloatArray, FloatArray]:
     """Return the ranges (k,) [m] of measured errors, and noise, bias and dropout of each beam at them (n, k, 3)."""
     return np.array(errors.ranges), np.ascontiguousarray(errors.at(beams.bearings))
-
-
-@kernel
-def _reading(
-    distance: float, deviation: float, dropout: float, noise: float, share: float, knots: FloatArray,
-    values: FloatArray, range_min: float, range_max: float,
-) -> float:  # fmt: skip
-    """Return what a beam reads at a distance [m]: noise and bias at that distance, then its failure."""
-    failure = dropout + (1.0 - dropout) * error_at(knots, values, 2, distance)
-    if share < failure:
-        return math.nan
-    if not -math.inf < distance < math.inf:
-        return distance
-    deviation = math.sqrt(deviation * deviation + error_at(knots, values, 0, distance) ** 2)
-    distance += error_at(knots, values, 1, distance) + deviation * noise
-    if not distance < range_max:
-        return math.inf
-    return -math.inf if distance < range_min else distance
-
-
-@kernel
-def _disturb(
-    rows: NDArray[np.int64], ranges: FloatArray, states: NDArray[np.int64], limits: NDArray[np.int64],
-    widths: FloatArray, heights: FloatArray, deviations: FloatArray, noise: FloatArray, dropouts: FloatArray,
-    shares: FloatArray, no_returns: FloatArray, lates: NDArray[np.int64], sweeps: NDArray[np.int64], held: FloatArray,
-    table_of: NDArray[np.int64], knots: FloatArray, values: FloatArray, range_min: float, range_max: float,
-) -> None:  # fmt: skip
-    """Add noise to some rows of ranges, in place, let beams fail, say what no return is, and hold sweeps back."""
-    for row in rows:
-        deviation, dropout, late, table = deviations[row], dropouts[row], lates[row], table_of[row]
-        if table >= 0 or deviation > 0.0:
-            draw_normals(states[row], limits, widths, heights, noise)
-        if table >= 0 or dropout > 0.0:
-            draw_shares(states[row], shares)
-        place = sweeps[row] % late if late > 0 else 0  # of the sweep that is due now, and then of this one
-        for beam in range(ranges.shape[1]):
-            distance = ranges[row, beam]
-            if table >= 0:
-                distance = _reading(
-                    distance, deviation, dropout, noise[beam], shares[beam], knots[table], values[table, beam],
-                    range_min, range_max,
-                )  # fmt: skip
-            elif deviation > 0.0:
-                distance += deviation * noise[beam]
-                if not distance < range_max:
-                    distance = math.inf
-                elif distance < range_min:
-                    distance = -math.inf
-            if table < 0 and dropout > 0.0 and shares[beam] < dropout:
-                distance = math.nan
-            if distance == math.inf:
-                distance = no_returns[row]
-            if late > 0:
-                if sweeps[row] == 0:  # until one is old enough, the first one is delivered
-                    for other in range(late):
-                        held[row, other, beam] = distance
-                delivered = held[row, place, beam]
-                held[row, place, beam] = distance
-                distance = delivered
-            ranges[row, beam] = distance
-        sweeps[row] += 1
 
 
 class PoseHistory:
@@ -296,20 +235,11 @@ def _matrices(quaternions: FloatArray) -> FloatArray:
     return found
 
 
-@kernel
 def add_noise(ranges: FloatArray, deviation: float, range_max: float, noise: FloatArray) -> None:
     """Turn standard normal `noise` (n,) into `ranges` (n,) [m] with noise of a deviation [m], 0 to `range_max` [m]."""
-    for beam in range(len(noise)):
-        noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max)
+    core.add_noise(ranges, deviation, range_max, noise)
 
 
-@kernel
 def error_at(knots: FloatArray, values: FloatArray, which: int, distance: float) -> float:
     """Return noise, bias or dropout (`which`) of `values` (k, 3) at a distance [m] among `knots` (k,), inf behind."""
-    place = 0
-    while place + 1 < len(knots) and knots[place + 1] <= distance and knots[place + 1] < np.inf:
-        place += 1
-    if distance <= knots[place] or place + 1 >= len(knots) or knots[place + 1] == np.inf:
-        return float(values[place, which])
-    share = (distance - knots[place]) / (knots[place + 1] - knots[place])
-    return float(values[place, which] + share * (values[place + 1, which] - values[place, which]))
+    return core.error_at(knots, values, which, distance)

@@ -20,9 +20,9 @@ from .beams import Beams
 from .clusters import make_clusters
 from .round_shapes import SHAPE, is_shape, shape_row
 
-BINS = 64  # of distance, into which a scan sorts the clusters
-NO_END = 1e300  # [m] half-size of a plane without end
-_LEAST_STEP = 1e-4  # [rad] between beams, so that culling.bearing tells which two a point is between
+BINS = 64  # of distance, into which a scan sorts the clusters, as in native/lidar/scene.hpp
+NO_END = 1e300  # [m] half-size of a plane without end, as there
+_LEAST_STEP = 1e-4  # [rad] between beams, so that `bearing` in culling.hpp tells which two a point is between
 _IN_PLANE = 1e-12  # of directions [-] and origins [m]
 
 # Corners of the box of half-sizes 1, and its sides as triangles.

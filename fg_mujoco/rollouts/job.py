@@ -27,6 +27,7 @@ from ..course.files import kept_folder
 from ..course.obstacles import Obstacle, described_obstacles
 from ..errors import ControllerError, SettingsError
 from ..messages import require_whole
+from ..native import core
 from ..racing.entries import check_starts
 from ..racing.opponents import Opponents, entry_of
 from ..racing.planner_origin import Files, by_name, planner_files
@@ -301,6 +302,7 @@ def versions() -> dict[str, str]:
         "mujoco_version": mujoco.__version__,
         "numpy_version": np.__version__,
         "numba_version": version("numba"),
+        "native_sources_sha256": core.SOURCES,
         "sources_sha256": sources.hexdigest(),
         "platform": f"{platform.system()}-{platform.machine()}",
     }

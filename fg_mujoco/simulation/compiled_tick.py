@@ -16,7 +16,6 @@ from ..compiled.array_table import (
     ArrayTable,
     Table,
     carray,
-    corner_numbers,
     cube,
     flags,
     matrix,
@@ -33,9 +32,8 @@ from ..compiled.kernels import c_function, call_at, kernel
 from ..course.course import Course
 from ..course.lap_timer import LAP_TIMER
 from ..course.moving_obstacles import obstacle_position
-from ..lidar.body_poses import mounted_pose
-from ..lidar.links import LINK, place_links
-from ..lidar.scanline import scan
+from ..lidar.in_kernels import mounted_pose, place_links, scan
+from ..lidar.links import LINK
 from ..lidar.visible_surfaces import SceneArrays, Scratch
 from ..messages import ODOMETRY, FloatArray
 from ..vehicle import mujoco_stages as stages
@@ -181,17 +179,9 @@ def sense(table: Table, which: Mask) -> None:
     cars_per_world, layout, car_places = places[_CARS_PER_WORLD], layout_of(places), whole_matrix(table[_CAR_PLACES])
     offset_positions, offset_rotations = matrix(table[_OFFSET_POSITIONS]), cube(table[_OFFSET_ROTATIONS])
     motions, links = matrix(table[_MOTIONS]), rows(table[_LINKS], LINK)
-    scene = SceneArrays(
-        matrix(table[_BEAMS]), numbers(table[_LIMITS]), matrix(table[_EDGES]), corner_numbers(table[_TRIANGLES]),
-        matrix(table[_BOXES]), short_matrix(table[_SPANS]), matrix(table[_PLANES]), short_matrix(table[_FRAMES]),
-        matrix(table[_SHAPES]), matrix(table[_SPHERES]),
-    )  # fmt: skip
-    scratch = Scratch(
-        matrix(table[_CUTS]), short_numbers(table[_COLUMNS]), numbers(table[_NEAREST]), short_matrix(table[_VIEWS]),
-        short_numbers(table[_BINS]), matrix(table[_POSES]),
-    )  # fmt: skip
+    scene, scratch = table[_BEAMS].ctypes.data, table[_CUTS].ctypes.data
     position, rotation = np.empty(3), np.empty((3, 3))
-    bodies = len(scene.frames) - 1
+    bodies = table[_FRAMES, 1] - 1
     moving, turned, poses = np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((len(links), 7))
     for k in range(len(motions)):
         moving[k, 2] = 0.0
@@ -208,13 +198,23 @@ def sense(table: Table, which: Mask) -> None:
                     moving[k, 0], moving[k, 1] = obstacle_position(motions[k], state[layout.time])
                 if len(links) > 0:
                     qpos = state[layout.qpos[0] : layout.qpos[1]]
-                    place_links(qpos, links, poses, moving[len(motions) :], turned[len(motions) :])
+                    linked, linked_turned = moving[len(motions) :], turned[len(motions) :]
+                    place_links(
+                        qpos.ctypes.data, len(qpos), links.ctypes.data, len(links), poses.ctypes.data,
+                        linked.ctypes.data, linked_turned.ctypes.data, len(linked),
+                    )  # fmt: skip
                 placed = world
             first = layout.qpos[0] + car_places[car, MOUNT]
             offset_position, offset_rotation = offset_positions[car], offset_rotations[car]
             pose, level = state[first : first + 7], car_places[car, LEVEL] == 1
-            mounted_pose(pose, level, offset_position, offset_rotation, position, rotation)
-            scan(scene, position, rotation, moving, turned, scratch, ranges[row], car_places[car, TREE])
+            mounted_pose(
+                pose.ctypes.data, level, offset_position.ctypes.data, offset_rotation.ctypes.data,
+                position.ctypes.data, rotation.ctypes.data,
+            )  # fmt: skip
+            scan(
+                scene, scratch, position.ctypes.data, rotation.ctypes.data, moving.ctypes.data, turned.ctypes.data,
+                ranges[row].ctypes.data, car_places[car, TREE],
+            )  # fmt: skip
 
 
 @kernel

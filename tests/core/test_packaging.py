@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import zipfile
 from pathlib import Path
@@ -14,17 +15,17 @@ import fg_mujoco as fg
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("fg_mujoco", "models", "tracks", "controllers", "addons")
-BESIDE = ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in", "CHANGELOG.md", "CITATION.cff", "constraints.txt")
+BESIDE = ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff", "constraints.txt")
 PYPROJECT = (ROOT / "pyproject.toml").read_text() if (ROOT / "pyproject.toml").exists() else ""
 
 needs_checkout = pytest.mark.skipif(not PYPROJECT, reason="not a checkout of the repository")
 
 
-def package_files():
-    """Every file that belongs in the package, as paths in the repository."""
+def files_in(*folders):
+    """Every file of some folders, as paths in the repository."""
     return {
         path.relative_to(ROOT).as_posix()
-        for folder in FOLDERS
+        for folder in folders
         for path in (ROOT / folder).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }
@@ -35,33 +36,31 @@ def installed_name(path):
     return path if path.startswith("fg_mujoco/") else f"fg_mujoco/{path}"
 
 
-@needs_checkout
-def test_packages_listed_are_the_folders_that_hold_code():
-    listed = re.search(r"^packages = \[(.*?)\]$", PYPROJECT, re.MULTILINE | re.DOTALL).group(1)
-    there = {
-        installed_name(f"{path.relative_to(ROOT).as_posix()}/").strip("/").replace("/", ".")
-        for folder in FOLDERS
-        for path in (ROOT / folder, *(ROOT / folder).rglob("*"))
-        if path.is_dir() and list(path.glob("*.py"))
-    }
-    assert set(re.findall(r'"([^"]+)"', listed)) == there
-
-
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """A folder with the wheel and the sdist of this checkout, built by setuptools itself: no network is needed."""
-    pytest.importorskip("setuptools", minversion="77", reason="older than pyproject.toml says; make test renews it")
+    """A folder with the sdist of this checkout, and the wheel that is built of the sdist: no network is needed."""
+    for name, version in (("scikit_build_core", "1.1"), ("nanobind", "3.1")):
+        pytest.importorskip(name, minversion=version, reason="older than pyproject.toml says; make test renews it")
     folder = tmp_path_factory.mktemp("built")
     source = folder / "source"
-    for name in FOLDERS:
+    for name in (*FOLDERS, "native"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in BESIDE:
         shutil.copy(ROOT / name, source)
     (source / "tests").mkdir()
     shutil.copy(Path(__file__), source / "tests")  # of which nothing belongs into either
-    build = "from setuptools import build_meta as b; b.build_sdist({0!r}); b.build_wheel({0!r})".format(str(folder))
-    made = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True)
-    assert made.returncode == 0, made.stderr[-2000:]
+
+    def build(what, where):
+        program = f"import sys; sys.path.insert(0, 'native'); import build_backend as b; b.{what}({str(folder)!r})"
+        made = subprocess.run([sys.executable, "-c", program], cwd=where, capture_output=True, text=True)
+        assert made.returncode == 0, made.stdout[-2000:] + made.stderr[-2000:]
+
+    build("build_sdist", source)
+    (sdist,) = folder.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder / "unpacked", filter="data")
+    (unpacked,) = (folder / "unpacked").iterdir()
+    build("build_wheel", unpacked)
     return folder
 
 
@@ -70,21 +69,20 @@ def test_wheel_and_sdist_hold_every_file_and_nothing_else(built):
     (wheel,) = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
-        assert names == {installed_name(path) for path in package_files()}
+        (library,) = (name for name in names if name.startswith("fg_mujoco/_native.") and not name.endswith(".pyi"))
+        assert names - {library} == {installed_name(path) for path in files_in(*FOLDERS)}
         assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
     (sdist,) = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
         names = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
-    made = {name for name in names if name.startswith("fg_mujoco.egg-info/")} | {"PKG-INFO", "setup.cfg"}
-    assert names - made == package_files() | set(BESIDE)
+    assert names - {"PKG-INFO"} == files_in(*FOLDERS, "native") | set(BESIDE)
 
 
 @needs_checkout
 def test_the_version_of_pyproject_is_that_of_the_archives_and_of_the_changelog(built):
     version = re.search(r'^version = "(.*)"$', PYPROJECT, re.MULTILINE)[1]
-    assert {path.name for path in built.iterdir() if path.is_file()} == {
-        f"fg_mujoco-{version}-py3-none-any.whl", f"fg_mujoco-{version}.tar.gz",
-    }  # fmt: skip
+    sdist, wheel = sorted((path.name for path in built.iterdir() if path.is_file()), key=len)
+    assert sdist == f"fg_mujoco-{version}.tar.gz" and wheel.startswith(f"fg_mujoco-{version}-cp3")
     newest = re.search(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1]
     assert newest.split(" ")[0] == version or newest.endswith(" (not released yet)")
     assert fg.__version__ == version
@@ -100,10 +98,11 @@ def test_what_pip_installs_from_the_wheel_races_away_from_the_repository(built, 
     pytest.importorskip("pip")
     site, empty = tmp_path / "site", tmp_path / "empty"
     empty.mkdir()
-    environment = os.environ | {"PYTHONPATH": str(site)}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(site), sysconfig.get_path("platlib")))}
 
     def python(*arguments):
-        done = subprocess.run([sys.executable, *arguments], cwd=empty, env=environment, capture_output=True, text=True)
+        command = [sys.executable, "-S", *arguments]  # else the editable install of this checkout comes first
+        done = subprocess.run(command, cwd=empty, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
         return done.stdout
 
@@ -111,7 +110,7 @@ def test_what_pip_installs_from_the_wheel_races_away_from_the_repository(built, 
     pip = ("-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--no-compile")
     python(*pip, "--disable-pip-version-check", "--target", str(site), str(archive))
     installed = {path.relative_to(site).as_posix() for path in site.rglob("*") if path.is_file()}
-    assert {installed_name(path) for path in package_files()} <= installed
+    assert {installed_name(path) for path in files_in(*FOLDERS)} <= installed
     where = "import fg_mujoco, fg_mujoco.controllers.gap_finder as g; print(fg_mujoco.__file__); print(g.__file__)"
     assert all(line.startswith(str(site)) for line in python("-c", where).split())
     assert json.loads(python("-m", "fg_mujoco", "race", "--laps", "1", "--json"))["finished"] is True

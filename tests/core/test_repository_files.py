@@ -64,7 +64,7 @@ def test_the_container_has_a_python_that_is_accepted_and_copies_what_there_is():
     assert version_of(re.search(r"^FROM python:([\d.]+)-", text, re.MULTILINE)[1]) >= LEAST_PYTHON
     copied = {name for line in re.findall(r"^COPY (.*) \S+$", text, re.MULTILINE) for name in line.split()}
     assert all((ROOT / name).exists() for name in copied)
-    assert {"fg_mujoco", "models", "tracks", "controllers", "addons", "pyproject.toml", "README.md"} <= copied
+    assert {"fg_mujoco", "models", "tracks", "controllers", "addons", "native", "pyproject.toml", "README.md"} <= copied
     extras = re.search(r"/source\[([\w,]+)\]", text)[1].split(",")
     assert set(extras) <= set(PROJECT["optional-dependencies"])
 

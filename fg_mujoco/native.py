@@ -1,0 +1,59 @@
+"""The native core, the compiled module `fg_mujoco._native`: loads it, and says in one line what is wrong with it.
+
+Its sources are in the folder native/ of the repository. `core` is the module; its functions take contiguous arrays of
+the types that `_native.pyi` names, and never a copy of one.
+"""
+
+from __future__ import annotations
+
+import platform
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import EngineError
+
+__all__ = ["check_record", "core", "library_path"]
+
+_INTERFACE = 1  # FG_INTERFACE of native/CMakeLists.txt
+_MENDED_BY = "to build it: make native in a checkout, else pip install --force-reinstall --no-deps fg-mujoco"
+
+
+def _loaded() -> Any:
+    """Return the module.
+
+    Raises:
+      EngineError: it is missing, built for another Python, only half there, or of other sources than these.
+    """
+    try:
+        from . import _native
+    except ImportError as error:
+        version = f"{platform.python_implementation()} {platform.python_version()}"
+        said = " ".join(str(error).split())
+        raise EngineError(f"the native core does not load in {version} ({said}); {_MENDED_BY}") from error
+    found = getattr(_native, "INTERFACE", None)
+    if found != _INTERFACE:
+        raise EngineError(f"the native core has interface {found}, and these sources need {_INTERFACE}; {_MENDED_BY}")
+    return _native
+
+
+if TYPE_CHECKING:
+    from . import _native as core
+else:
+    core = _loaded()
+
+
+def library_path() -> str:
+    """Return the file of the native core, in which compiled kernels find its functions in C."""
+    return str(core.__file__)
+
+
+def check_record(name: str, dtype: np.dtype[Any], fields: dict[str, int]) -> None:
+    """Check that a numpy type has the fields of a structure of the native core, at the same offsets [bytes].
+
+    Raises:
+      EngineError: it has not.
+    """
+    found = {} if dtype.fields is None else {field: int(of[1]) for field, of in dtype.fields.items()}
+    if found != fields:
+        raise EngineError(f"the native core has another layout of {name}; {_MENDED_BY}")

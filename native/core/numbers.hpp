@@ -1,0 +1,25 @@
+// Arithmetic as Python does it. Of two numbers that do not compare, as NaN, min and max return the first.
+#pragma once
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <numbers>
+
+namespace fg {
+
+inline constexpr double inf = std::numeric_limits<double>::infinity();
+inline constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double pi = std::numbers::pi;
+
+constexpr double min(double a, double b) { return b < a ? b : a; }
+constexpr double max(double a, double b) { return b > a ? b : a; }
+constexpr int min(int a, int b) { return b < a ? b : a; }
+constexpr int max(int a, int b) { return b > a ? b : a; }
+
+// A number cut to a whole number, within +-1e9; NaN gives -1e9.
+constexpr std::int32_t whole(double value) {
+    value = value > -1e9 ? value : -1e9;
+    return static_cast<std::int32_t>(value < 1e9 ? value : 1e9);
+}
+
+}  // namespace fg

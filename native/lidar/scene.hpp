@@ -1,0 +1,54 @@
+// The input of a scan and its working arrays; fg_mujoco/lidar/visible_surfaces.py says what is in each array.
+#pragma once
+#include "../core/arrays.hpp"
+#include "../core/numbers.hpp"
+
+namespace fg {
+
+inline constexpr int BINS = 64;          // of distance, into which a scan sorts the clusters
+inline constexpr double NO_END = 1e300;  // [m] half-size of a plane without end
+inline constexpr double TINY = 1e-300;   // added to a divisor that may be 0
+
+struct Scene {
+    Matrix beams;
+    Numbers limits;
+    Matrix edges;
+    Table<const std::uint16_t> triangles;
+    Matrix boxes;
+    Table<const std::int32_t> spans;
+    Matrix planes;
+    Table<const std::int32_t> frames;
+    Matrix shapes;
+    Matrix spheres;
+
+    double angle_min() const { return limits[0]; }
+    double angle_increment() const { return limits[1]; }
+    double range_min() const { return limits[2]; }
+    double range_max() const { return limits[3]; }
+
+    // Throw std::invalid_argument unless all shapes fit together and all indices point into the arrays.
+    void check_layout() const;
+};
+
+struct Scratch {
+    Table<double> cuts;
+    Row<std::int32_t> columns;
+    Row<double> nearest;
+    Table<std::int32_t> views;
+    Row<std::int32_t> bins;
+    Table<double> poses;
+
+    // Throw std::invalid_argument unless there is room for the scans of a scene.
+    void check_room(const Scene& scene) const;
+};
+
+// Pose of the LiDAR in a frame: position [m], then the rotation into the LiDAR's frame, row by row.
+struct Pose {
+    double ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz;
+
+    explicit Pose(Row<double> p)
+        : ox(p[0]), oy(p[1]), oz(p[2]), xx(p[3]), xy(p[4]), xz(p[5]), yx(p[6]), yy(p[7]), yz(p[8]), zx(p[9]),
+          zy(p[10]), zz(p[11]) {}
+};
+
+}  // namespace fg

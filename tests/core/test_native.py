@@ -1,0 +1,232 @@
+"""The native core: the same bits in each build, indices within bounds, refused arrays, and broken builds."""
+
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from cases import each
+from fg_mujoco import native
+from fg_mujoco.compiled.array_table import ArrayTable
+from fg_mujoco.lidar.beams import LidarModel
+from fg_mujoco.lidar.scanline import scan
+from fg_mujoco.lidar.visible_surfaces import ScanlineScene, SceneArrays, Scratch
+from lidar_worlds import EYE, random_spec
+
+SOURCES = Path(__file__).parents[2] / "native"
+SCENES = 3
+SCANS = 60
+
+needs_sources = pytest.mark.skipif(not SOURCES.exists(), reason="not a checkout of the repository")
+
+
+def scene_and_poses(seed):
+    """A scene of boxes, meshes, planes and round shapes, and random poses of the LiDAR and of what moves."""
+    rng = np.random.default_rng(seed)
+    model = random_spec(rng).compile()
+    scene = ScanlineScene(model, LidarModel.load().beams, model.body(EYE).id)
+    bodies, poses = len(scene.moving) + 1, []
+    for _ in range(SCANS):
+        positions = np.column_stack((rng.uniform(-9, 9, (bodies, 2)), rng.uniform(0.02, 0.8, bodies)))
+        rotations = np.empty((bodies, 9))
+        for rotation in rotations:
+            quaternion = np.zeros(4)
+            angles = np.array((rng.uniform(-3, 3), *rng.normal(0, 0.2, 2)))
+            mujoco.mju_euler2Quat(quaternion, angles, "zyx")
+            mujoco.mju_quat2Mat(rotation, quaternion)
+        poses.append((positions, rotations.reshape(-1, 3, 3)))
+    poses.append((np.full((bodies, 3), np.nan), rotations.reshape(-1, 3, 3)))
+    poses.append((np.full((bodies, 3), 1e300), rotations.reshape(-1, 3, 3)))
+    return scene, poses
+
+
+def scans(library):
+    """All scans of all scenes by the function in C of a library."""
+    function = ctypes.CDLL(str(library)).fg_scan
+    function.argtypes = [ctypes.c_void_p] * 7 + [ctypes.c_int64]
+    found = []
+    for seed in range(SCENES):
+        scene, poses = scene_and_poses(seed)
+        arrays = ArrayTable(SceneArrays._fields, scene.arrays._asdict())
+        scratch = ArrayTable(Scratch._fields, scene.scratch()._asdict())
+        for positions, rotations in poses:
+            out, moving = np.empty(scene.arrays.beams.shape[1]), (positions[1:], rotations[1:])
+            given = (positions, rotations, *moving, out)
+            function(arrays.address, scratch.address, *(array.ctypes.data for array in given), -1)
+            found.append(out)
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """What builds the functions in C alone, in some variant, and returns the library."""
+    cmake = shutil.which("cmake")
+    if cmake is None:
+        pytest.skip("there is no cmake here")
+
+    def build(*options):
+        folder = tmp_path_factory.mktemp("build")
+        made = [cmake, "-S", str(SOURCES), "-B", str(folder), "-DFG_PYTHON=OFF", *options]
+        for command in (made, [cmake, "--build", str(folder), "--target", "kernels"]):
+            done = subprocess.run(command, capture_output=True, text=True)
+            assert done.returncode == 0, done.stdout + done.stderr
+        (library,) = (path for path in folder.iterdir() if path.name.startswith("libkernels."))
+        return library
+
+    return build
+
+
+@needs_sources
+@pytest.mark.slow
+@each("options", [("-DFG_LEVEL=-O1",), ("-DFG_LEVEL=-O0", "-DFG_CHECK_BOUNDS=ON")], ids=["O1", "O0, bounds checked"])
+def test_each_build_gives_the_same_bits_and_no_index_is_out_of_range(options, built):
+    """An index out of range ends the process of this test."""
+    assert scans(built(*options)).tobytes() == scans(native.library_path()).tobytes()
+
+
+@needs_sources
+@pytest.mark.slow
+def test_a_build_with_checks_of_bounds_finds_an_index_that_is_out_of_range(built, tmp_path):
+    library = built("-DFG_LEVEL=-O0", "-DFG_CHECK_BOUNDS=ON")
+    program = (
+        "import sys, ctypes, numpy as np\n"
+        f"place = ctypes.CDLL({str(library)!r}).fg_place_links\n"
+        "from fg_mujoco.lidar.links import LINK\n"
+        "links, room = np.zeros(1, LINK), np.zeros(99)\n"
+        "links['frame'] = 5\n"
+        "address = ctypes.c_void_p(room.ctypes.data)\n"
+        "place(address, ctypes.c_int64(99), ctypes.c_void_p(links.ctypes.data), ctypes.c_int64(1), address, address,\n"
+        "      address, ctypes.c_int64(5))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode != 0 and "index out of range" in done.stderr
+
+
+# --- arguments ---
+
+
+@pytest.fixture
+def arguments():
+    scene, poses = scene_and_poses(0)
+    positions, rotations = poses[0]
+    out = np.empty(scene.arrays.beams.shape[1])
+    moving = {"moving_positions": positions[1:], "moving_rotations": rotations[1:]}
+    own = {"position": positions[0], "rotation": rotations[0]}
+    return {"scene": scene.arrays, "scratch": scene.scratch(), "out": out} | own | moving
+
+
+CHANGES = {
+    "another type": lambda array: array.astype(np.float32),
+    "not contiguous": lambda array: np.repeat(array, 2, axis=-1)[..., ::2],
+    "a list": lambda array: array.tolist(),
+}
+
+
+@each("name", ["position", "rotation", "moving_positions", "moving_rotations", "out"])
+@each("change", CHANGES.values(), ids=CHANGES)
+def test_arrays_of_another_type_are_refused_and_not_copied(arguments, name, change):
+    scan(**arguments)
+    with pytest.raises(TypeError, match="dtype=float64"):
+        scan(**arguments | {name: change(arguments[name])})
+
+
+def test_a_read_only_array_that_is_written_to_is_refused(arguments):
+    arguments["out"].flags.writeable = False
+    with pytest.raises(TypeError, match="scan"):
+        scan(**arguments)
+
+
+@each(
+    ("name", "said"),
+    [("position", "pose is not"), ("out", "as many numbers as the scene has beams"), ("moving_positions", "that move")],
+)
+def test_arrays_of_another_length_are_refused(arguments, name, said):
+    with pytest.raises(ValueError, match=said):
+        scan(**arguments | {name: arguments[name][:-1].copy()})
+
+
+@each(
+    ("name", "row", "said"),
+    [("spans", 1, "edges, triangles or"), ("frames", 1, "clusters, planes or shapes"), ("triangles", 0, "an edge")],
+)
+def test_a_scene_whose_indices_point_outside_its_arrays_is_refused(arguments, name, row, said):
+    array = getattr(arguments["scene"], name).copy()
+    array[0, row] = np.iinfo(array.dtype).max
+    with pytest.raises(ValueError, match=said):
+        scan(**arguments | {"scene": arguments["scene"]._replace(**{name: array})})
+
+
+def test_scratch_arrays_of_another_scene_are_refused(arguments):
+    small = arguments["scratch"]._replace(nearest=np.empty(1))
+    with pytest.raises(ValueError, match="scratch arrays are not those of this scene"):
+        scan(**arguments | {"scratch": small})
+
+
+# --- the build ---
+
+
+def failure(code, tmp_path, **environment):
+    """What a program in a folder prints last on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, env={**os.environ, **environment}
+    )
+    assert done.returncode != 0
+    return done.stderr.strip().splitlines()[-1]
+
+
+BROKEN = """
+import sys, types
+from importlib.machinery import ModuleSpec
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        return ModuleSpec(name, self) if name == "fg_mujoco._native" else None
+    def create_module(self, spec):
+        {what}
+    def exec_module(self, module):
+        pass
+sys.meta_path.insert(0, Finder())
+import fg_mujoco.native
+"""
+
+
+@each(
+    ("what", "said"),
+    [
+        ("raise ImportError('/x/_native.so: file too short')", "does not load in CPython 3"),
+        ("return types.ModuleType('fg_mujoco._native')", "has interface None, and these sources need"),
+    ],
+    ids=["half a library", "built of other sources"],
+)
+def test_a_broken_build_is_named_in_one_line_with_the_command_that_mends_it(what, said, tmp_path):
+    line = failure(BROKEN.format(what=what), tmp_path)
+    assert line.startswith("fg_mujoco.errors.EngineError: the native core") and said in line and "make native" in line
+
+
+@needs_sources
+@each(("compiler", "said"), [("/none/c++", "does not run"), ("false", "does not compile C++20")])
+def test_a_build_without_a_compiler_says_in_one_line_what_to_install(compiler, said, tmp_path):
+    pytest.importorskip("scikit_build_core")
+    done = subprocess.run(
+        [sys.executable, str(SOURCES / "build_backend.py")], capture_output=True, text=True, cwd=tmp_path,
+        env={**os.environ, "CXX": compiler},
+    )  # fmt: skip
+    assert done.returncode == 1 and said in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+@needs_sources
+def test_the_native_core_is_built_of_the_sources_that_there_are():
+    """Else `make native` has not run since they were changed."""
+    found = sorted(
+        path.relative_to(SOURCES).as_posix()
+        for path in SOURCES.rglob("*")
+        if path.suffix in (".cpp", ".hpp") or path.name == "CMakeLists.txt"
+    )
+    lines = [f"{name} {hashlib.sha256((SOURCES / name).read_bytes()).hexdigest()}\n" for name in found]
+    assert hashlib.sha256("".join(lines).encode()).hexdigest() == native.core.SOURCES
