@@ -80,11 +80,10 @@ fuzz: $(READY)
 lint: $(READY) house
 	$(BIN)/ruff check
 	cd $(HOUSE) && $(abspath $(BIN))/mypy --config-file $(CURDIR)/pyproject.toml --cache-dir $(CURDIR)/.mypy_cache
-	test ! -x $(BIN)/lint-imports || (cd $(HOUSE) && PYTHONPATH=.:$$(echo $(abspath $(VENV))/lib/python*/site-packages) \
-	    $(abspath $(BIN))/python -S $(abspath $(BIN))/lint-imports --config $(CURDIR)/pyproject.toml --no-cache --no-logo)
+	test ! -x $(BIN)/lint-imports || (cd $(HOUSE) && \
+	    $(abspath $(BIN))/lint-imports --config $(CURDIR)/pyproject.toml --no-cache --no-logo)  # needs Python 3.11
 
-# The packages as they lie once installed, so that types and imports are checked across the top-level folders. import-linter
-# needs Python 3.11; it runs without `site` (-S), because the editable install would come before this layout.
+# The packages as they lie once installed, so that types and imports are checked across the top-level folders.
 HOUSE := build/house
 house:
 	@rm -rf $(HOUSE) && mkdir -p $(HOUSE)/fg_mujoco

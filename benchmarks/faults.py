@@ -22,12 +22,11 @@ from pathlib import Path
 from common import parser, report, table
 
 from fg_mujoco.compiled.kernels import cache_folder
-from fg_mujoco.native import library_path
 
 ROOT = Path(__file__).parent.parent
 INSIDE = ("addons", "controllers", "models", "tracks")
 """Folders of the repository that are installed inside fg_mujoco."""
-LINKED = ("benchmarks", "docs", "examples", "native", "tools", "README.md", "CHANGELOG.md", "CONTRIBUTING.md",
+LINKED = ("benchmarks", "docs", "examples", "tools", "README.md", "CHANGELOG.md", "CONTRIBUTING.md",
           "Makefile", "mkdocs.yml", "pyproject.toml", "constraints.txt")  # fmt: skip
 """What tests read besides the package."""
 
@@ -82,9 +81,9 @@ FAULTS = {
         tests="test_floors.py",
     ),
     "a LiDAR's bias with the wrong sign": Fault(
-        file="fg_mujoco/lidar/scan_pipeline.py",
-        old="np.ascontiguousarray(errors.at(beams.bearings))",
-        new="np.ascontiguousarray(errors.at(beams.bearings) * (1.0, -1.0, 1.0))",
+        file="native/lidar/scan_effects.cpp",
+        old="distance += error_at(knots, values, 1, distance) + deviation * effects.noise[beam];",
+        new="distance += deviation * effects.noise[beam] - error_at(knots, values, 1, distance);",
         tests="test_measured_errors.py",
     ),
     # vehicle
@@ -182,21 +181,21 @@ FAULTS = {
     ),
     # lidar
     "the tail of the normal density without its sign": Fault(
-        file="fg_mujoco/lidar/random_numbers.py",
-        old="found = -(_TAIL + beyond) if size & 256 else _TAIL + beyond",
-        new="found = _TAIL + beyond",
+        file="native/lidar/random_numbers.cpp",
+        old="return size & 256 ? -beyond : beyond;",
+        new="return beyond;",
         tests="test_random_numbers.py",
     ),
     "noise below zero": Fault(
-        file="fg_mujoco/lidar/scan_pipeline.py",
-        old="noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max)",
-        new="noise[beam] = min(ranges[beam] + deviation * noise[beam], range_max)",
+        file="native/lidar/scan_effects.cpp",
+        old="noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max);",
+        new="noise[beam] = min(ranges[beam] + deviation * noise[beam], range_max);",
         tests="test_lidar_effects.py",
     ),
     "a wall that misses the beam at its right end": Fault(
-        file="fg_mujoco/lidar/scanline.py",
-        old="for beam in range(np.uintp(first), np.uintp(behind)):",
-        new="for beam in range(np.uintp(first + 1), np.uintp(behind)):",
+        file="native/lidar/scanline.cpp",
+        old="for (int beam = first; beam < behind; ++beam) {\n        const double inverse",
+        new="for (int beam = first + 1; beam < behind; ++beam) {\n        const double inverse",
         tests="test_scanline.py test_lidar.py",
     ),
     "a reading of nothing below the least range": Fault(
@@ -844,17 +843,14 @@ FAULTS = {
 
 
 def copy_of(checkout: Path, folder: Path) -> None:
-    """Lay the package out as it is installed, with the native core of this Python, and its tests beside it.
-
-    The rest of the repository is linked.
-    """
+    """Lay the package out as it is installed, its tests beside it, and link the rest of the repository."""
     leave = shutil.ignore_patterns("__pycache__")
     shutil.copytree(checkout / "fg_mujoco", folder / "fg_mujoco", ignore=leave)
-    shutil.copy(library_path(), folder / "fg_mujoco")
     for name in INSIDE:
         shutil.copytree(checkout / name, folder / "fg_mujoco" / name, ignore=leave)
         (folder / name).symlink_to(folder / "fg_mujoco" / name)
     shutil.copytree(checkout / "tests", folder / "tests", ignore=leave)
+    shutil.copytree(checkout / "native", folder / "native", ignore=leave)
     for name in LINKED:
         (folder / name).symlink_to(checkout / name)
     shared = checkout.parent / "shared"
@@ -868,23 +864,30 @@ def make(fault: Fault, folder: Path) -> str:
     text = path.read_text("utf-8")
     if text.count(fault.old) != 1:
         raise SystemExit(f"faults: {fault.file} has {text.count(fault.old)} times {fault.old!r}; accepted: once")
-    write(path, text.replace(fault.old, fault.new))
+    write(path, text.replace(fault.old, fault.new), folder)
     return text
 
 
-def write(path: Path, text: str) -> None:
-    """Write a module, and forget its bytecode: within a second a text of the same length would be taken for the old."""
+def write(path: Path, text: str, folder: Path) -> None:
+    """Write a module of a copy, and forget its bytecode: within a second a text of the same length is taken for the old.
+
+    The native core is built again.
+    """
     path.write_text(text, "utf-8")
+    if path.suffix in (".cpp", ".hpp"):
+        made = folder / "build"
+        options = ["-DCMAKE_BUILD_TYPE=Release", f"-DPython_EXECUTABLE={sys.executable}"]
+        for command in (["-S", str(folder / "native"), "-B", str(made), *options], ["--build", str(made)]):
+            subprocess.run(["cmake", *command], check=True, stdout=subprocess.DEVNULL)
+        for library in made.glob("_native.*"):
+            shutil.copy(library, folder / "fg_mujoco")
     for stale in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
         stale.unlink()
 
 
 def first_failure(tests: list[str], folder: Path, without: list[str] | None = None) -> str | None:
     """Run tests in the copy, but for those `without` which they are run, and return the first that fails."""
-    # The editable install would come before PYTHONPATH; it looks away in what it takes for its own build.
-    builds = [str(each.path) for each in sys.meta_path if type(each).__name__ == "ScikitBuildRedirectingFinder"]
     environment = os.environ | {"PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder.parent / "cache")}
-    environment["SKBUILD_EDITABLE_SKIP"] = os.pathsep.join(builds)
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-rfE", *tests]
     command += [f"--deselect={name}" for name in without or ()]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
@@ -919,7 +922,7 @@ def main() -> int:
             while True:
                 text = make(fault, folder)
                 by = first_failure(tests, folder, failing)
-                write(folder / fault.file, text)
+                write(folder / fault.file, text, folder)
                 if by is None or first_failure([by], folder) is None:
                     break
                 if by in failing:

@@ -54,7 +54,7 @@ SLOWEST = (
     "test_kills.py", "test_random_courses.py", "test_gym_vector.py", "test_map_course.py", "test_f110_interfaces.py",
     "test_ros_surroundings.py", "test_damaged_runs.py", "test_rollouts.py", "test_fault.py",
     "test_lidar_tracks.py", "test_environment.py", "test_report.py",
-    "test_machine_code.py", "test_predictions.py", "test_tires_single_track.py",
+    "test_machine_code.py", "test_packaging.py", "test_native.py", "test_predictions.py", "test_tires_single_track.py",
     "test_cli.py", "test_tires_circles.py", "test_bag_replay.py", "test_line_formats.py", "test_guidance.py",
     "test_scenes.py", "test_rollout_cli.py", "test_residual.py",
 )  # fmt: skip

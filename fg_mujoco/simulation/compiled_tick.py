@@ -206,14 +206,14 @@ def sense(table: Table, which: Mask) -> None:
                 placed = world
             first = layout.qpos[0] + car_places[car, MOUNT]
             offset_position, offset_rotation = offset_positions[car], offset_rotations[car]
-            pose, level = state[first : first + 7], car_places[car, LEVEL] == 1
+            pose = state[first : first + 7]
             mounted_pose(
-                pose.ctypes.data, level, offset_position.ctypes.data, offset_rotation.ctypes.data,
+                pose.ctypes.data, int(car_places[car, LEVEL]), offset_position.ctypes.data, offset_rotation.ctypes.data,
                 position.ctypes.data, rotation.ctypes.data,
             )  # fmt: skip
             scan(
                 scene, scratch, position.ctypes.data, rotation.ctypes.data, moving.ctypes.data, turned.ctypes.data,
-                ranges[row].ctypes.data, car_places[car, TREE],
+                ranges[row].ctypes.data, int(car_places[car, TREE]),
             )  # fmt: skip
 
 

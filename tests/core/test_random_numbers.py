@@ -1,8 +1,4 @@
-"""Random numbers of kernels are numpy's."""
-
-import os
-import subprocess
-import sys
+"""Random numbers of the native core are numpy's."""
 
 import numpy as np
 
@@ -21,18 +17,3 @@ def test_numbers_are_those_of_numpys_generator(seed):
         assert np.count_nonzero(np.abs(found) > 3.6541528853610088) > 5
         draw_shares(state, found)
         assert found.tobytes() == generator.random(out=wanted).tobytes()
-
-
-INTERPRETED = """
-import numpy as np
-from fg_mujoco.lidar.random_numbers import draw_normals, draw_shares, generator_state, ziggurat
-state, generator, found = generator_state(3), np.random.default_rng(3), np.empty(3000)
-draw_normals(state, *ziggurat(), found)
-assert found.tobytes() == generator.standard_normal(3000).tobytes()
-draw_shares(state, found)
-assert found.tobytes() == generator.random(3000).tobytes()
-"""
-
-
-def test_kernels_that_python_runs_draw_the_same():
-    subprocess.run([sys.executable, "-c", INTERPRETED], env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=True)
