@@ -44,7 +44,7 @@ class Fault:
     def room(self) -> str:
         """The folder in the package, the add-on, or the folder in the repository."""
         parts = Path(self.file).parts
-        return parts[1] if parts[0] in ("fg_mujoco", "addons") and len(parts) > 2 else parts[0]
+        return parts[1] if parts[0] in ("fg_mujoco", "addons", "native") and len(parts) > 2 else parts[0]
 
 
 FAULTS = {
@@ -869,9 +869,9 @@ def make(fault: Fault, folder: Path) -> str:
 
 
 def write(path: Path, text: str, folder: Path) -> None:
-    """Write a module of a copy, and forget its bytecode: within a second a text of the same length is taken for the old.
+    """Write a file of a copy, and build the native core again if it is one of its sources.
 
-    The native core is built again.
+    Bytecode is forgotten: within a second a text of the same length would be taken for the old.
     """
     path.write_text(text, "utf-8")
     if path.suffix in (".cpp", ".hpp"):
