@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from ..arguments import Uncopied
 from ..messages import FloatArray
 from ..native import core
 
@@ -29,7 +30,7 @@ class Mount(NamedTuple):
     level: bool  # whether it does not tilt with the free body
 
 
-class BodyPoses:
+class BodyPoses(Uncopied):
     """Poses of some bodies as of the last `read`.
 
     Attributes:

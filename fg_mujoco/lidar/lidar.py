@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import mujoco
 import numpy as np
 
-from ..arguments import explain_class
+from ..arguments import Uncopied, explain_class
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
 from ..messages import FloatArray
@@ -83,7 +83,7 @@ class RangefinderLidar:
 
 
 @explain_class
-class RaycastLidar:
+class RaycastLidar(Uncopied):
     """The visible geoms of the model, except those of the car that carries the LiDAR, drawn into a scanline.
 
     The sites and sensors of the rangefinders need not be in the model: `LidarModel.spec(sensors=False)`. One object
