@@ -718,6 +718,12 @@ FORMATS = {
 }  # fmt: skip
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    """Kernels are compiled before time is counted: on empty caches that alone takes some 10 s."""
+    fg.race("oval", "gap_finder", time_limit=0.03)
+
+
 @pytest.fixture(scope="module")
 def right(tmp_path_factory):
     """The folder of a format with its files as they are right."""
