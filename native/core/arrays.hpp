@@ -15,6 +15,11 @@ inline void check(std::int64_t index, std::int64_t length) {
 inline void check(std::int64_t, std::int64_t) {}
 #endif
 
+// Throw what Python sees as a ValueError unless arrays fit together.
+inline void require(bool holds, const char* message) {
+    if (!holds) throw std::invalid_argument(message);
+}
+
 template <class T>
 struct Row {
     T* data = nullptr;

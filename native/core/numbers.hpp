@@ -15,6 +15,8 @@ constexpr double min(double a, double b) { return b < a ? b : a; }
 constexpr double max(double a, double b) { return b > a ? b : a; }
 constexpr int min(int a, int b) { return b < a ? b : a; }
 constexpr int max(int a, int b) { return b > a ? b : a; }
+constexpr std::int64_t min(std::int64_t a, std::int64_t b) { return b < a ? b : a; }
+constexpr std::int64_t max(std::int64_t a, std::int64_t b) { return b > a ? b : a; }
 
 // A number cut to a whole number, within +-1e9; NaN gives -1e9.
 constexpr std::int32_t whole(double value) {

@@ -1,16 +1,10 @@
 // Checks that the arrays of a scene fit together. A scan itself checks no index.
 #include "scene.hpp"
 
-#include <stdexcept>
-
 namespace fg {
 namespace {
 
 constexpr int SHAPE = 17;  // numbers of a round shape, see fg_mujoco/lidar/round_shapes.py
-
-void require(bool holds, const char* message) {
-    if (!holds) throw std::invalid_argument(message);
-}
 
 bool is_span(std::int64_t first, std::int64_t behind, std::int64_t length) {
     return 0 <= first && first <= behind && behind <= length;
@@ -18,9 +12,13 @@ bool is_span(std::int64_t first, std::int64_t behind, std::int64_t length) {
 
 }  // namespace
 
-void Scene::check_layout() const {
+void Scene::check_beams() const {
     require(beams.rows == 2 && limits.length == 4, "beams is not (2, n), or limits is not (4,)");
     require(angle_increment() > 0.0 && range_max() > 0.0, "limits has an increment or a greatest range that is not positive");
+}
+
+void Scene::check_layout() const {
+    check_beams();
     require(edges.rows == 6 && triangles.columns == 3, "edges is not (6, e), or triangles is not (t, 3)");
     require(boxes.rows == 7 && spans.columns == 5 && boxes.columns == spans.rows,
             "boxes and spans are not (7, b) and (b, 5)");
@@ -46,10 +44,8 @@ void Scene::check_layout() const {
 
 void Scratch::check_room(const Scene& scene) const {
     std::int64_t longest = 0;
-    for (std::int64_t cluster = 0; cluster < scene.spans.rows; ++cluster) {
-        const std::int64_t edges = scene.spans[cluster][1] - scene.spans[cluster][0];
-        longest = edges > longest ? edges : longest;
-    }
+    for (std::int64_t cluster = 0; cluster < scene.spans.rows; ++cluster)
+        longest = max(longest, std::int64_t{scene.spans[cluster][1] - scene.spans[cluster][0]});
     require(cuts.rows == 2 && cuts.columns >= longest && columns.length >= longest &&
                 nearest.length == scene.spans.rows && views.rows == 3 && views.columns == scene.spans.rows &&
                 bins.length == BINS + 1 && poses.rows == scene.frames.rows && poses.columns == 12,

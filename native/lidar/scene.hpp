@@ -26,6 +26,8 @@ struct Scene {
     double range_min() const { return limits[2]; }
     double range_max() const { return limits[3]; }
 
+    // Throw std::invalid_argument unless beams and limits fit together.
+    void check_beams() const;
     // Throw std::invalid_argument unless all shapes fit together and all indices point into the arrays.
     void check_layout() const;
 };

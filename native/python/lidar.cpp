@@ -1,7 +1,6 @@
 // Binds native/lidar. Shapes that do not fit together are refused with a ValueError.
 #include "lidar.hpp"
 
-#include <stdexcept>
 #include <string>
 
 #include "../lidar/body_poses.hpp"
@@ -17,17 +16,11 @@ using WithoutGil = nb::call_guard<nb::gil_scoped_release>;
 namespace fg {
 namespace {
 
-void require(bool holds, const char* message) {
-    if (!holds) throw std::invalid_argument(message);
-}
-
 bool are_poses(std::int64_t count, std::int64_t position_rows, std::int64_t position_columns,
                const Cube<const double>& rotations) {
     return position_rows == count && position_columns == 3 && rotations.length == count && rotations.rows == 3 &&
            rotations.columns == 3;
 }
-
-std::int64_t least(std::int64_t a, std::int64_t b) { return b < a ? b : a; }
 
 bool is_three_by_three(const Matrix& rotation) { return rotation.rows == 3 && rotation.columns == 3; }
 
@@ -45,9 +38,7 @@ struct CheckedScene : Scene {
     CheckedScene along(Matrix other_beams, Numbers other_limits) const {
         CheckedScene other = *this;
         other.beams = other_beams, other.limits = other_limits;
-        require(other.beams.rows == 2 && other.limits.length == 4, "beams is not (2, n), or limits is not (4,)");
-        require(other.angle_increment() > 0.0 && other.range_max() > 0.0,
-                "limits has an increment or a greatest range that is not positive");
+        other.check_beams();
         return other;
     }
 };
@@ -85,8 +76,8 @@ void checked_read_poses(const Poses& poses, const State& state) {
             "the arrays of the state are not those of a mujoco.MjData");
     for (std::int64_t i = 0; i < poses.sources.rows; ++i) {
         const std::int64_t kind = poses.sources[i][0], place = poses.sources[i][1];
-        const std::int64_t behind = kind == 2 ? least(state.xpos.rows, state.xmat.rows)
-                                  : kind == 1 ? least(state.mocap_pos.rows, state.mocap_quat.rows)
+        const std::int64_t behind = kind == 2 ? min(state.xpos.rows, state.xmat.rows)
+                                  : kind == 1 ? min(state.mocap_pos.rows, state.mocap_quat.rows)
                                               : state.qpos.length - 6;
         require(0 <= place && place < behind, "a pose follows from what the state has not");
     }
@@ -111,8 +102,9 @@ void checked_effects(const Effects& effects, Row<const std::int64_t> rows, Table
     apply_effects(effects, rows, ranges);
 }
 
-void check_generator(Row<std::int64_t> state, const Ziggurat& ziggurat) {
-    require(state.length == 4, "the state is not (4,)");
+void check_state(Row<std::int64_t> state) { require(state.length == 4, "the state is not (4,)"); }
+
+void check_ziggurat(const Ziggurat& ziggurat) {
     require(ziggurat.limits.length == 256 && ziggurat.widths.length == 256 && ziggurat.heights.length == 256,
             "the layers of the ziggurat are not 256");
 }
@@ -193,14 +185,15 @@ void bind_poses(nb::module_& module) {
 void bind_effects(nb::module_& module) {
     module.def("draw_shares",
                [](Row<std::int64_t> state, Row<double> out) {
-                   require(state.length == 4, "the state is not (4,)");
+                   check_state(state);
                    draw_shares(state, out);
                },
                "state"_a, "out"_a, WithoutGil());
     module.def("draw_normals",
                [](Row<std::int64_t> state, Row<const std::int64_t> limits, Numbers widths, Numbers heights,
                   Row<double> out) {
-                   check_generator(state, {limits, widths, heights});
+                   check_state(state);
+                   check_ziggurat({limits, widths, heights});
                    draw_normals(state, {limits, widths, heights}, out);
                },
                "state"_a, "limits"_a, "widths"_a, "heights"_a, "out"_a, WithoutGil());
@@ -210,8 +203,7 @@ void bind_effects(nb::module_& module) {
                   Row<double> noise, Numbers dropouts, Row<double> shares, Numbers no_returns,
                   Row<const std::int64_t> lates, Row<std::int64_t> sweeps, Cube<double> held,
                   Row<const std::int64_t> table_of, Matrix knots, Matrix values, double range_min, double range_max) {
-                   require(limits.length == 256 && widths.length == 256 && heights.length == 256,
-                           "the layers of the ziggurat are not 256");
+                   check_ziggurat({limits, widths, heights});
                    checked_effects({states, {limits, widths, heights}, deviations, dropouts, no_returns, noise, shares,
                                     lates, sweeps, held, table_of, knots, values, range_min, range_max},
                                    rows, ranges);

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -18,7 +17,7 @@ from fg_mujoco.compiled.array_table import ArrayTable
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.scanline import scan
 from fg_mujoco.lidar.visible_surfaces import ScanlineScene, SceneArrays, Scratch
-from lidar_worlds import EYE, random_spec
+from lidar_worlds import EYE, random_poses, random_spec
 
 SOURCES = Path(__file__).parents[2] / "native"
 SCENES = 3
@@ -32,19 +31,10 @@ def scene_and_poses(seed):
     rng = np.random.default_rng(seed)
     model = random_spec(rng).compile()
     scene = ScanlineScene(model, LidarModel.load().beams, model.body(EYE).id)
-    bodies, poses = len(scene.moving) + 1, []
-    for _ in range(SCANS):
-        positions = np.column_stack((rng.uniform(-9, 9, (bodies, 2)), rng.uniform(0.02, 0.8, bodies)))
-        rotations = np.empty((bodies, 9))
-        for rotation in rotations:
-            quaternion = np.zeros(4)
-            angles = np.array((rng.uniform(-3, 3), *rng.normal(0, 0.2, 2)))
-            mujoco.mju_euler2Quat(quaternion, angles, "zyx")
-            mujoco.mju_quat2Mat(rotation, quaternion)
-        poses.append((positions, rotations.reshape(-1, 3, 3)))
-    poses.append((np.full((bodies, 3), np.nan), rotations.reshape(-1, 3, 3)))
-    poses.append((np.full((bodies, 3), 1e300), rotations.reshape(-1, 3, 3)))
-    return scene, poses
+    bodies = len(scene.moving) + 1
+    poses = [random_poses(rng, bodies) for _ in range(SCANS)]
+    odd = [(np.full((bodies, 3), place), poses[0][1]) for place in (np.nan, 1e300)]
+    return scene, poses + odd
 
 
 def scans(library):

@@ -28,6 +28,7 @@ from lidar_worlds import (
     disagreements,
     mujoco_rays,
     place,
+    random_poses,
     random_spec,
     rig_spec,
     room,
@@ -39,19 +40,6 @@ INCREMENT = LidarModel.load().beams.angle_increment
 def scanner(spec):
     model = spec.compile()
     return model, mujoco.MjData(model), RaycastLidar(model, PREFIX)
-
-
-def random_poses(rng, count):
-    """Positions (n, 3) and rotations (n, 3, 3), tilted any way, among the things of random_spec."""
-    centres = rng.choice([[0.0, 0.0], [40.0, -25.0]], size=count)
-    positions = np.column_stack((centres + rng.uniform(-9, 9, (count, 2)), rng.uniform(0.02, 0.8, count)))
-    rotations = np.empty((count, 9))
-    for rotation in rotations:
-        quaternion = np.zeros(4)
-        angles = np.array((rng.uniform(-3, 3), *rng.normal(0, 0.2, 2)))
-        mujoco.mju_euler2Quat(quaternion, angles, "zyx")
-        mujoco.mju_quat2Mat(rotation, quaternion)
-    return positions, rotations.reshape(-1, 3, 3)
 
 
 def explained(model, data, lidar, pose, nudge=1e-9):
