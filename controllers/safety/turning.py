@@ -3,7 +3,8 @@
 Where the car has been slow for `_PATIENCE`, or for as long as the tires take to start it, and there is a frontier, a
 motion is searched for that may reverse (motion_search). It is followed move by move: the car stops before it changes
 its direction, turns its wheels, and drives on. A motion that is no longer free, or on which the car stands still for a
-second, is given up.
+second, is given up. Where turns begin again and again at one place, as where two of them undo each other, recovery
+backs the car instead.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from .motion_search import (
 
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 0.35  # [s]
+_APART = 1.0  # [m] along the path, of turns at different places
+_MOST_BEGUN = 4  # turns at one place; then recovery has the car
 _GIVE_UP = 1.0  # [s] without moving
 _SPEED = 0.8  # [m/s]
 _BRAKING = 1.5  # [m/s^2] before a change of direction
@@ -45,6 +48,8 @@ TURNING = np.dtype(
         ("active", np.bool_),
         ("slow", np.float64),  # [s] for which the car has been slow; while turning, for which it has stood
         ("failed", np.int64),  # times that no motion was found
+        ("begun", np.int64),  # turns that began near a place of the path,
+        ("begun_at", np.float64),  # [m] along it
         ("motion", MOTION),
         ("next_point", np.int64),  # index of the motion's point that is next
         ("in_walls", np.int64),  # points of the outline in cells of walls at the beginning
@@ -118,8 +123,12 @@ def _begins(
     patience = max(_PATIENCE, start + period) + limiter.car.command_delay  # [s] until the car answers a command
     if memory.slow < patience - 0.5 * period or not frontier.found:
         return False
-    memory.slow = 0.0
     car, world = limiter.car, frontier.map
+    if memory.begun == 0 or abs(world.along - memory.begun_at) > _APART:
+        memory.begun, memory.begun_at = 0, world.along
+    if memory.begun >= _MOST_BEGUN:
+        return False
+    memory.slow = 0.0
     curvature = math.tan(steering_angle) / car.wheelbase
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     for attempt in range(2):  # the second has what the first leaves of the nodes, so next time the other one begins
@@ -127,6 +136,7 @@ def _begins(
         query = Query(curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, MOST_NODES)
         if search_motion(frontier, limiter, memory.motion, query):
             memory.active, memory.next_point = True, 0
+            memory.begun += 1
             memory.in_walls = outline_in_walls(world, car, world.x, world.y, cos, sin)
             return True
     memory.failed += 1
