@@ -84,7 +84,7 @@ def draw(seed: int, folder: Path) -> Path:
                 hall.fill((along, base, along + wide, base + deep), True)
     for side, lane in ((0, high), (2, low)):  # fins, from the walls into the long lanes
         if lane > 2.6 and rng.random() < 0.6:
-            along, reach = rng.uniform(left + 2.0, max(width - right, left + 4.0) - 2.0), lane - rng.uniform(1.3, 1.6)
+            along, reach = rng.uniform(left + 2.0, max(width - right - 2.0, left + 2.0)), lane - rng.uniform(1.3, 1.6)
             ends = (height - reach, height) if side == 0 else (-0.2, reach)
             hall.fill((along, ends[0], along + 0.1, ends[1]), False)
     path = folder / f"hall_{seed}.yaml"

@@ -35,7 +35,7 @@ from .motion_search import (
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 0.35  # [s]
 _APART = 1.0  # [m] along the path, of turns at different places
-_MOST_BEGUN = 4  # turns at one place; then recovery has the car
+_MOST_BEGUN = 8  # turns at one place; then recovery has the car
 _GIVE_UP = 1.0  # [s] without moving
 _SPEED = 0.8  # [m/s]
 _BRAKING = 1.5  # [m/s^2] before a change of direction
