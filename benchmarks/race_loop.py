@@ -21,7 +21,7 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
-from fg_mujoco.racing.race import RaceProgress
+from fg_mujoco.racing.race import RaceProgress, race_setup
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.world import World
@@ -70,7 +70,7 @@ def time_parts(track: str, laps: int) -> dict[str, float]:
     with ExitStack() as patches:
         for part in PARTS:
             patches.enter_context(patch.object(Engine, part, clocks.around(part, getattr(Engine, part))))
-        fg.race(track, laps=laps, watch=clocks.end_tick)
+        race_setup(fg.Setup(track=track, laps=laps), watch=clocks.end_tick, each_tick=True)
     rows = np.array([list(row.values()) for row in clocks.rows[1:]])  # the first has the preparations in it
     medians = [*np.median(rows, axis=0), np.median(rows.sum(axis=1))]
     return {name: 1e6 * float(value) for name, value in zip((*PARTS, "Python", "tick"), medians, strict=True)}

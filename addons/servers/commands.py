@@ -193,7 +193,7 @@ def _race_once(setup: Setup, devkits: Sequence[DevKit]) -> RaceResult:
                 raise KeyboardInterrupt  # ends the race between two ticks
             shown(progress)
 
-        return race_setup(setup, watch=watch)
+        return race_setup(setup, watch=watch, each_tick=True)
 
 
 SERVE = Commands(

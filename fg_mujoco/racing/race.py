@@ -57,7 +57,8 @@ if TYPE_CHECKING:
     from ..simulation.planner_failure import PlannerFailure
 
 _LATE = END_REASONS.index("decision_limit")
-_AT_ONCE = 40  # ticks, in which nobody watches a race: 4 ms
+_AT_ONCE = 40  # ticks of a compiled call: 4 ms
+_WATCHED_EVERY = 0.05  # [s] of wall time
 
 
 @explain_class
@@ -92,7 +93,7 @@ def race(
         `scene:NAME:SEED`, or a path to a centreline CSV or a map; or a whole Setup.
       controller: a bundled name or `path/to/file.py:ClassName`, with settings in brackets where wanted, as
         `gap_finder[lookahead=8]`; or a controller object, or a function `f(scan, odometry)` that answers a command.
-      watch: called once a tick.
+      watch: called between ticks, at most 20 times a second of wall time, and after the last one.
       keywords: of a Setup, which has their types. Those of a car are car 0's; of several cars they stand in each Entry.
 
         What is driven: laps [5]; obstacles, how many boxes or a list, and obstacle_seed; moving, as "pedestrian:2";
@@ -122,19 +123,22 @@ def race(
 
 
 @kept_folder()
-def race_setup(setup: Setup, *, watch: Callable[[RaceProgress], None] | None = None) -> RaceResult:
+def race_setup(
+    setup: Setup, *, watch: Callable[[RaceProgress], None] | None = None, each_tick: bool = False
+) -> RaceResult:
     """Race what a setup says; arguments and errors are those of `race`.
 
     Args:
       setup: what is raced.
-      watch: called once a tick.
+      watch: called between ticks, at most 20 times a second of wall time, and after the last one.
+      each_tick: `watch` is called after every tick.
     """
     with kernels_beside(setup):
-        return _race(setup, watch)
+        return _race(setup, watch, 0.0 if each_tick else _WATCHED_EVERY)
 
 
-def _race(setup: Setup, watch: Callable[[RaceProgress], None] | None) -> RaceResult:
-    """Race what a setup says; arguments and errors are those of `race_setup`."""
+def _race(setup: Setup, watch: Callable[[RaceProgress], None] | None, every: float) -> RaceResult:
+    """Race what a setup says and call `watch` `every` so often [s]; arguments and errors are those of `race_setup`."""
     raced = Resolved.of(setup)
     world, entries, names, alone = raced.world, raced.entries, raced.names, len(raced.entries) == 1
     if not alone:
@@ -162,7 +166,7 @@ def _race(setup: Setup, watch: Callable[[RaceProgress], None] | None) -> RaceRes
 
     started = time.perf_counter()
     with CompileTime() as compiling:
-        ended = _drive(engine, history, control, clock, watch)
+        ended = _drive(engine, history, control, clock, watch, every)
     wall_time = time.perf_counter() - started - compiling.seconds
     control.finish()
 
@@ -207,17 +211,19 @@ def _drive(
     control: RaceRecord,
     clock: DecisionClock,
     watch: Callable[[RaceProgress], None] | None,
+    every: float,
 ) -> NDArray[np.int64]:
     """Run the loop until the race is over; return after how many ticks that of each car was."""
     running, timers = engine.running, engine.monitor.timers
     one = engine.cars_per_world == 1
     alone = one and not control.puts_back_at_walls
     ended = np.full(engine.cars_per_world, -1)  # -1: it goes on
+    watched = -math.inf  # when that was [s]
     try:
         with clock:
             while running.any():
                 if alone:
-                    engine.tick(clock=clock, history=history, most=_AT_ONCE if watch is None else 1)
+                    engine.tick(clock=clock, history=history, most=_AT_ONCE if every > 0.0 else 1)
                 else:
                     driven = engine.tick(clock=clock if one else None)
                     ended[(ended < 0) & ~driven] = history.ticks
@@ -225,7 +231,9 @@ def _drive(
                         control.after_tick()
                         history.append()
                     ended[(ended < 0) & ~running] = history.ticks
-                if watch is not None:
+                now = time.perf_counter()
+                if watch is not None and (now - watched >= every or not running.any()):
+                    watched = now
                     watch(
                         RaceProgress(
                             time=engine.time(0), laps_completed=int(timers["laps_completed"].max()),

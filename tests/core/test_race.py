@@ -151,6 +151,7 @@ def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
     after, watch, law = interrupt_after(7), None, lambda time: (0.0, 1.0)
     if place == "watch":
         watch = after
+        monkeypatch.setattr(race_module, "_WATCHED_EVERY", 0.0)  # after each tick
     elif place == "controller":
         law = lambda time: after() or (0.0, 1.0)  # noqa: E731
     else:
