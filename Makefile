@@ -15,7 +15,7 @@ READY := $(VENV)/.ready
 NATIVE := $(VENV)/.native
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race native test quick unit mujoco4 fuzz lint house bench figures friction docs picture dist release clean
+.PHONY: help race native test quick unit mujoco4 sanitize fuzz lint house bench figures friction docs picture dist release clean
 .DEFAULT_GOAL := help
 
 help:
@@ -24,6 +24,10 @@ help:
 CONSTRAINTS ?= constraints.txt
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 INSTALL := $(PIP) install -c $(CONSTRAINTS)
+
+# Installs what the build needs, and then what follows. A compiler that had to be installed for it is removed again.
+BUILD := needed=$$($(BIN)/python native/build_backend.py) || exit 1; $(INSTALL) --no-compile $$needed && \
+    trap 'case "$$needed" in *ziglang*) $(PIP) uninstall --yes ziglang ;; esac' EXIT && $(INSTALL) --no-build-isolation
 
 # What a race needs, with its report and picture; nothing is compiled before it is imported.
 $(RACES): pyproject.toml $(CONSTRAINTS)
@@ -35,14 +39,13 @@ $(RACES): pyproject.toml $(CONSTRAINTS)
 	@$(PYTHON) -m venv $(VENV)
 	@$(INSTALL) --no-compile scikit-build-core nanobind \
 	    || { echo "the install did not end. With a network, the same command goes on" >&2; exit 1; }
-	@needed=$$($(BIN)/python native/build_backend.py) && { test -z "$$needed" || $(INSTALL) --no-compile $$needed; }
-	@$(INSTALL) --no-compile --no-build-isolation -e '.[plot,report]' || $(BIN)/python tools/missing.py plot,report
+	@$(BUILD) --no-compile -e '.[plot,report]' || $(BIN)/python tools/missing.py plot,report
 	@touch $@ $(NATIVE)
 
-## make native  builds the native core again, of what has changed in native/
+## make native  builds the native core again, of what has changed in native/, or for another MuJoCo
 native: $(NATIVE)
-$(NATIVE): $(shell find native -type f) | $(RACES)
-	@test -f $@ && test -z "$$(find native -type f -newer $@)" || $(INSTALL) --no-deps --no-build-isolation -e .
+$(NATIVE): $(shell find native -type f) $(wildcard $(VENV)/lib/python3*/site-packages/mujoco/include/mujoco/mujoco.h) | $(RACES)
+	@test -f $@ && test -z "$$(find $^ -newer $@)" || { $(BUILD) --no-deps -e .; }
 	@touch $@
 
 # What developers need besides.
@@ -61,12 +64,22 @@ test: $(READY)
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
-## make mujoco4 the tests on the newest MuJoCo that is accepted, in a .venv of their own
-mujoco4: build/newest.txt
-	+@$(MAKE) --no-print-directory VENV=build/mujoco4 CONSTRAINTS=build/newest.txt unit
+## make mujoco4 the tests of the last commit on the newest MuJoCo that is accepted, in a clone, whose core is its own
+mujoco4:
+	@mkdir -p build && sed '/^mujoco==/d' constraints.txt > build/newest.txt
+	@test -d build/mujoco4/.git || { rm -rf build/mujoco4 && git clone -q . build/mujoco4; }
+	@cd build/mujoco4 && git fetch -q origin HEAD && git checkout -q --detach FETCH_HEAD
+	+@$(MAKE) --no-print-directory -C build/mujoco4 CONSTRAINTS=../newest.txt unit
 
-build/newest.txt: constraints.txt
-	@mkdir -p build && sed '/^mujoco==/d' constraints.txt > $@
+## make sanitize the tests of the last commit, its core built for AddressSanitizer and UndefinedBehaviorSanitizer
+SANITIZED := CXXFLAGS='-fsanitize=address,undefined -fno-sanitize-recover=undefined -g1' SKBUILD_CMAKE_DEFINE='FG_LEVEL=-O1'
+sanitize:
+	@mkdir -p build
+	@test -d build/sanitize/.git || { rm -rf build/sanitize && git clone -q . build/sanitize; }
+	@cd build/sanitize && git fetch -q origin HEAD && git checkout -q --detach FETCH_HEAD
+	+@$(SANITIZED) $(MAKE) --no-print-directory -C build/sanitize .venv/.ready
+	@cd build/sanitize && LD_PRELOAD=$$($${CXX:-g++} -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
+	    .venv/bin/python -m pytest -n auto --dist loadfile $(ARGS)
 
 ## make quick   of what differs from main, the tests that are not slow; at most a minute
 quick: $(READY)

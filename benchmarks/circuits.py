@@ -97,7 +97,7 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         figures = drive(options.data, options.runs or Path(folder), options.workers)
-    versions = {name: version(name) for name in ("fg-mujoco", "mujoco", "numpy", "numba")}
+    versions = {name: version(name) for name in ("fg-mujoco", "mujoco", "numpy")}
     text = json.dumps({"command": COMMAND, "versions": versions, **figures}, indent=1) + "\n"
     if options.json is None:
         print(text)

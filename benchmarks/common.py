@@ -26,7 +26,7 @@ def machine() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "system": platform.system(),
         "python": platform.python_version(),
-        **{name: version(name) for name in ("fg-mujoco", "mujoco", "numpy", "numba")},
+        **{name: version(name) for name in ("fg-mujoco", "mujoco", "numpy")},
     }
 
 

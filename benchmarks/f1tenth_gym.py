@@ -185,7 +185,7 @@ def measure(
     if plain:
         ways.append(ours_at_25_ms(map_file))
         fg.race(str(map_file), laps=1, time_limit=1.0)
-    for way in ways:  # kernels are read from disk
+    for way in ways:  # what is loaded once
         way.begin(planner)
         way.turn()
     turns = math.ceil(course.length / (speed * TURN))

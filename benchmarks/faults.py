@@ -4,7 +4,7 @@
 
 A fault is one of those that people make: a sign, an off-by-one, a swapped argument, a dropped clamp, a wrong unit. It
 is found if a test fails which passes without it; the first one is named. The exit code is 1 if a fault was not found.
-Some ten minutes of CPU for all faults: most change kernels, which are compiled again.
+Most faults are of the native core, which is built again for each.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from common import parser, report, table
-
-from fg_mujoco.compiled.kernels import cache_folder
 
 ROOT = Path(__file__).parent.parent
 INSIDE = ("addons", "controllers", "models", "tracks")
@@ -50,21 +48,21 @@ class Fault:
 FAULTS = {
     # the lap that is remembered, and the line through it
     "the error of the dead reckoning that is added again when a lap closes": Fault(
-        file="controllers/perception/lap_map.py",
-        old="shift_x, shift_y = pose[0] - here_x, pose[1] - here_y",
-        new="shift_x, shift_y = here_x - pose[0], here_y - pose[1]",
+        file="native/controllers/perception/lap_map.cpp",
+        old="const double shift_x = pose.x - here_x, shift_y = pose.y - here_y;",
+        new="const double shift_x = here_x - pose.x, shift_y = here_y - pose.y;",
         tests="test_lap_map.py",
     ),
     "scans that are matched in the wrong direction": Fault(
-        file="controllers/perception/lap_map.py",
-        old="right[i] -= row[i] * error",
-        new="right[i] += row[i] * error",
+        file="native/controllers/perception/lap_map.cpp",
+        old="right[i] -= slope[i] * error;",
+        new="right[i] += slope[i] * error;",
         tests="test_lap_map.py",
     ),
     "a line that braking follows as if the car drove straight ahead": Fault(
-        file="controllers/safety/line_following.py",
-        old="used = square * demand / grip",
-        new="used = 0.0 * demand / grip",
+        file="native/controllers/safety/line_following.cpp",
+        old="const double used = square * demand / grip;",
+        new="const double used = 0.0 * demand / grip;",
         tests="test_lap_map.py",
     ),
     # floors, and the LiDAR of real cars
@@ -88,40 +86,39 @@ FAULTS = {
     ),
     # vehicle
     "a tire's slip angle without its arctangent's sign": Fault(
-        file="fg_mujoco/vehicle/tire_patch.py",
-        old="along / tire.relaxation_length, math.atan(across / tire.relaxation_length)",
-        new="along / tire.relaxation_length, -math.atan(across / tire.relaxation_length)",
+        file="native/vehicle/tire_patch.hpp",
+        old="angle = std::atan(across / tire.relaxation_length)",
+        new="angle = -std::atan(across / tire.relaxation_length)",
         tests="test_tire_forces.py test_tires.py",
     ),
     "the load sensitivity with the wrong sign": Fault(
-        file="fg_mujoco/vehicle/tire_patch.py",
-        old="(load / tire.nominal_load) ** -tire.load_sensitivity",
-        new="(load / tire.nominal_load) ** tire.load_sensitivity",
+        file="native/vehicle/tire_patch.hpp",
+        old="std::pow(load / tire.nominal_load, -tire.load_sensitivity)",
+        new="std::pow(load / tire.nominal_load, tire.load_sensitivity)",
         tests="test_tire_forces.py test_tires.py",
     ),
     "Coulomb friction without its limit": Fault(
-        file="fg_mujoco/vehicle/tires/coulomb.py",
-        old="found: float = numbers[0] * min(numbers[1] * slip, 1.0)",
-        new="found: float = numbers[0] * numbers[1] * slip",
+        file="native/vehicle/tires.hpp",
+        old="return numbers[0] * min(numbers[1] * slip, 1.0);",
+        new="return numbers[0] * numbers[1] * slip;",
         tests="test_tire_forces.py test_tires.py test_slides.py",
     ),
     "the sideslip angle at the centre of gravity the wrong way": Fault(
-        file="fg_mujoco/vehicle/motion.py",
+        file="native/vehicle/motion.cpp",
         old="left = vy + yaw_rate * car[0].rear_axle_distance",
         new="left = vy - yaw_rate * car[0].rear_axle_distance",
         tests="test_race.py test_car_motion.py test_car.py test_car_dynamics.py",
     ),
     "no limit of the steering command": Fault(
-        file="fg_mujoco/vehicle/motion.py",
-        old="ctrl[limits.steering_ctrl] = min(max(steering_angle, -limits.max_steering_angle),"
-        " limits.max_steering_angle)",
+        file="native/vehicle/motion.cpp",
+        old="ctrl[limits.steering_ctrl] = min(max(steering_angle, -most), most)",
         new="ctrl[limits.steering_ctrl] = steering_angle",
         tests="test_car.py test_car_dynamics.py test_huge_commands.py",
     ),
     "a steering that does not end where its joint does": Fault(
-        file="fg_mujoco/vehicle/tire_solve.py",
-        old="if angle < gear.steering_range[0] or angle > gear.steering_range[1]:",
-        new="if angle > 1e9:",
+        file="native/vehicle/tire_solve.cpp",
+        old="if (angle < gear.steering_range[0] || angle > gear.steering_range[1])",
+        new="if (angle > 1e9)",
         tests="test_car.py",
     ),
     "a delay of the speed's commands that goes the wrong way": Fault(
@@ -206,46 +203,46 @@ FAULTS = {
     ),
     # course
     "a lap's time from the wrong end of the tick": Fault(
-        file="fg_mujoco/course/lap_timer.py",
+        file="native/course/lap_timer.cpp",
         old="crossed = timer.time + (time - timer.time) * (line - before) / distance",
         new="crossed = time + (time - timer.time) * (line - before) / distance",
         tests="test_lap_timer.py",
     ),
     "an obstacle that does not turn back": Fault(
-        file="fg_mujoco/course/moving_obstacles.py",
-        old="    gone = way - abs(gone % (2.0 * way) - way) if back_and_forth else min(gone, way)",
-        new="    gone = min(gone, way)",
+        file="native/course/moving_obstacles.cpp",
+        old="gone = back_and_forth ? way - std::abs(modulo(driven, 2.0 * way) - way) : min(driven, way);",
+        new="gone = back_and_forth ? min(driven, way) : min(driven, way);",
         tests="test_moving_obstacles.py",
     ),
     "progress across the line modulo half a lap": Fault(
-        file="fg_mujoco/course/lap_timer.py",
-        old="distance = (place - timer.place + 0.5 * modulus) % modulus - 0.5 * modulus",
-        new="distance = (place - timer.place + modulus) % modulus - 0.5 * modulus",
+        file="native/course/lap_timer.cpp",
+        old="modulo(place - timer.place + 0.5 * modulus, modulus)",
+        new="modulo(place - timer.place + modulus, modulus)",
         tests="test_lap_timer.py test_race.py",
     ),
     # controllers
     "the friction speed without the wheelbase": Fault(
-        file="controllers/control/speed.py",
-        old="return math.sqrt(gravity * mu * wheelbase / slope)",
-        new="return math.sqrt(gravity * mu / slope)",
+        file="native/controllers/control/speed.hpp",
+        old="std::sqrt(gravity * mu * wheelbase / slope)",
+        new="std::sqrt(gravity * mu / slope)",
         tests="test_speed_laws.py test_friction_limiter.py",
     ),
     "a goal seen from the LiDAR taken as seen from the axle": Fault(
-        file="controllers/control/steering.py",
-        old="return arc_through(lidar_offset + distance * math.cos(bearing),",
-        new="return arc_through(distance * math.cos(bearing),",
+        file="native/controllers/control/steering.hpp",
+        old="return arc_through(lidar_offset + distance * std::cos(bearing),",
+        new="return arc_through(distance * std::cos(bearing),",
         tests="test_speed_laws.py test_driving.py test_pure_pursuit.py test_gap_finder.py",
     ),
     "the longest gap a beam short": Fault(
-        file="controllers/perception/gaps.py",
-        old="best_first, best_end = first, beam + 1",
-        new="best_first, best_end = first, beam",
+        file="native/controllers/perception/gaps.cpp",
+        old="best_first = first, best_end = beam + 1;",
+        new="best_first = first, best_end = beam;",
         tests="test_gaps.py test_goals.py",
     ),
     "a limiter that may take more than the tires hold": Fault(
-        file="controllers/safety/friction_limiter.py",
-        old="unused = max(limiter.lateral - math.copysign(cornering, turn * cornering), 0.0)",
-        new="unused = max(limiter.lateral + math.copysign(cornering, turn * cornering), 0.0)",
+        file="native/controllers/safety/friction_limiter.cpp",
+        old="max(limiter.lateral - std::copysign(cornering, turn * cornering), 0.0)",
+        new="max(limiter.lateral + std::copysign(cornering, turn * cornering), 0.0)",
         tests="test_friction_limiter.py test_mission.py",
     ),
     "braking with a shaft as if the axles' slip were not one": Fault(
@@ -261,63 +258,63 @@ FAULTS = {
         tests="test_friction_limiter.py",
     ),
     "late scans compared with the odometry of now": Fault(
-        file="controllers/safety/predictions.py",
-        old="then = max(memory.tick - late, 0) % MOST_LATE",
-        new="then = memory.tick % MOST_LATE",
+        file="native/controllers/safety/predictions.cpp",
+        old="then = max(memory.tick - late, std::int64_t{0}) % most_late;",
+        new="then = memory.tick % most_late;",
         tests="test_predictions.py",
     ),
     "what moves measured in a frame that turns half a tick late": Fault(
-        file="controllers/perception/targets.py",
+        file="native/controllers/perception/targets.cpp",
         old="0.5 * period * (memory.yaw_rate + yaw_rate)",
         new="period * yaw_rate",
         tests="test_targets.py",
     ),
     "the edge of a shadow taken for the end of what moves": Fault(
-        file="controllers/perception/targets.py",
-        old="        if compared and target.own[end] and cluster.own[end]:\n            dx +=",
-        new="        if compared:\n            dx +=",
+        file="native/controllers/perception/targets.cpp",
+        old="if (compared && target.own[end] && cluster.own[end]) {\n            dx +=",
+        new="if (compared) {\n            dx +=",
         tests="test_targets.py",
     ),
     "what comes to a wall predicted to stay there, and not to turn back": Fault(
-        file="controllers/safety/predictions.py",
-        old="time\n    if far > row[TO_WALL]:\n        near = min(near, 2.0 * row[TO_WALL] - far)",
-        new="time\n    if far > row[TO_WALL]:\n        near = min(near, row[TO_WALL])",
+        file="native/controllers/safety/predictions.cpp",
+        old="time;\n    if (far > target.to_wall) {\n        near = min(near, 2.0 * target.to_wall - far);",
+        new="time;\n    if (far > target.to_wall) {\n        near = min(near, target.to_wall);",
         tests="test_predictions.py",
     ),
     "a simulated stop compared with where targets are now": Fault(
-        file="controllers/safety/rollout.py",
-        old="apart, time + WAIT * wait):",
-        new="apart, WAIT * wait):",
+        file="native/controllers/safety/rollout.cpp",
+        old="apart, time + wait_time * wait))",
+        new="apart, wait_time * wait))",
         tests="test_predictions.py",
     ),
     "a judge that takes its last proposal, not the one that meets something slowest": Fault(
-        file="controllers/safety/judge.py",
-        old="if met.speed < best.contact:",
-        new="if met.speed < math.inf:",
+        file="native/controllers/safety/judge.cpp",
+        old="if (met.speed < best.contact) {",
+        new="if (met.speed < inf) {",
         tests="test_judge.py",
     ),
     "a braking distance in the speed, not in its square": Fault(
-        file="controllers/safety/guidance.py",
-        old="return math.sqrt(2.0 * settings.profile_braking * limiter.braking * room)",
-        new="return 2.0 * settings.profile_braking * limiter.braking * room",
+        file="native/controllers/safety/guidance.cpp",
+        old="return std::sqrt(2.0 * settings.profile_braking * limiter.braking * room);",
+        new="return 2.0 * settings.profile_braking * limiter.braking * room;",
         tests="test_guidance.py test_mission.py test_random_courses.py controller_contract",
     ),
     "the raceline's heading error not wrapped": Fault(
-        file="controllers/control/tracking.py",
-        old="return ahead, aside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))",
-        new="return ahead, aside, angle",
+        file="native/controllers/control/tracking.cpp",
+        old="within_turn(heading - (point[motion_heading] - point[motion_curvature] * ahead))",
+        new="heading - (point[motion_heading] - point[motion_curvature] * ahead)",
         tests="test_tracking.py test_pure_pursuit.py",
     ),
     "a bubble a beam narrower on its left": Fault(
-        file="controllers/perception/scan_filters.py",
-        old="for other in range(max(beam - width, 0), min(beam + width + 1, len(result))):",
-        new="for other in range(max(beam - width, 0), min(beam + width, len(result))):",
-        tests="test_scan_filters.py test_arithmetic.py",
+        file="native/controllers/perception/scan_filters.cpp",
+        old="other < end; ++other) result[other] = min(",
+        new="other < end - 1; ++other) result[other] = min(",
+        tests="test_scan_filters.py",
     ),
     "a recovery that counts what it drove forward": Fault(
-        file="controllers/safety/recovery.py",
-        old="memory.back -= max(-speed * period, 0.0)",
-        new="memory.back -= max(speed * period, 0.0)",
+        file="native/controllers/safety/recovery.cpp",
+        old="memory.back -= max(-speed * period, 0.0);",
+        new="memory.back -= max(speed * period, 0.0);",
         tests="test_recovery.py",
     ),
     # simulation
@@ -328,21 +325,21 @@ FAULTS = {
         tests="test_cars_alone.py",
     ),
     "cars alone that are stepped through walls": Fault(
-        file="fg_mujoco/simulation/compiled_tick.py",
-        old="if alone and not clear:",
-        new="if alone and not clear and step == 0:",
+        file="native/simulation/compiled_tick.cpp",
+        old="if (alone && !clear)",
+        new="if (alone && !clear && step == 0)",
         tests="test_cars_alone.py",
     ),
     "no race that goes the wrong way": Fault(
-        file="fg_mujoco/simulation/termination.py",
-        old="    if back >= WRONG_WAY_LIMIT:",
-        new="    if -back >= WRONG_WAY_LIMIT:",
+        file="native/simulation/termination.cpp",
+        old="if (back >= wrong_way_limit)",
+        new="if (-back >= wrong_way_limit)",
         tests="test_wrong_way.py test_race.py",
     ),
     "one lap too many": Fault(
-        file="fg_mujoco/simulation/termination.py",
-        old="    if laps_completed >= laps:",
-        new="    if laps_completed > laps:",
+        file="native/simulation/termination.cpp",
+        old="if (laps_completed >= laps)",
+        new="if (laps_completed > laps)",
         tests="test_race.py",
     ),
     # studies
@@ -536,27 +533,27 @@ FAULTS = {
     ),
     # envs
     "a crash that is rewarded": Fault(
-        file="fg_mujoco/envs/reward_kernels.py",
-        old="terms[0, 1, i], terms[0, 3, i] = -weights[1], 0.0 - weights[3] * impacts[i]",
-        new="terms[0, 1, i], terms[0, 3, i] = weights[1], 0.0 - weights[3] * impacts[i]",
+        file="native/envs/rewards.cpp",
+        old="now[1][i] = -weights[1], now[3][i]",
+        new="now[1][i] = weights[1], now[3][i]",
         tests="test_environment.py test_gym_environment.py test_gym_vector.py",
     ),
     "a running cost that takes more than a tick gains": Fault(
-        file="fg_mujoco/envs/reward_kernels.py",
+        file="native/envs/rewards.cpp",
         old="slid = min(slid, share * max(made, 0.0))",
         new="slid = min(slid, 2.0 * share * max(made, 0.0))",
         tests="test_gym_environment.py",
     ),
     "a history with the newest step first": Fault(
-        file="fg_mujoco/envs/observer.py",
-        old="place = (last[i] + 1 + step * every) % places",
-        new="place = (last[i] - step * every) % places",
+        file="native/envs/observer.cpp",
+        old="(last[i] + 1 + step * every) % ring.rows",
+        new="(last[i] + ring.rows * every - step * every) % ring.rows",
         tests="test_policy_interface.py",
     ),
     "actions that are not held within their bounds": Fault(
-        file="fg_mujoco/envs/reward_kernels.py",
-        old="held = min(max(actions[i, part], limits[0, part]), limits[1, part])",
-        new="held = max(actions[i, part], limits[0, part])",
+        file="native/envs/rewards.cpp",
+        old="held = min(max(given, limits[0][part]), limits[1][part])",
+        new="held = max(given, limits[0][part])",
         tests="test_environment.py test_gym_environment.py test_gym_vector.py",
     ),
     "an end condition of the heading at the wrong angle": Fault(
@@ -703,8 +700,8 @@ FAULTS = {
     ),
     "a kinematic car as long as its front half": Fault(
         file="addons/gym2d/gym_functions.py",
-        old="f[4] = x[3] / (lf + lr) * math.tan(x[2])",
-        new="f[4] = x[3] / lf * math.tan(x[2])",
+        old="turning = speed / (lf + lr) * math.tan(steering)",
+        new="turning = speed / lf * math.tan(steering)",
         tests="test_f110_interfaces.py test_f110.py",
     ),
     # add-ons: learn
@@ -766,21 +763,21 @@ FAULTS = {
     ),
     # add-ons: drivers
     "a line whose braking takes all that cornering does": Fault(
-        file="addons/drivers/line_profile.py",
+        file="native/addons/drivers/line_profile.cpp",
         old="most * share * step",
         new="most * step",
         tests="test_line_profile.py",
     ),
     "a car that is passed where there is less room": Fault(
-        file="addons/drivers/passing.py",
-        old="(0.1 if across > 0.0 else 0.0) >= rooms[1]",
-        new="(0.1 if across > 0.0 else 0.0) < rooms[1]",
+        file="native/addons/drivers/passing.cpp",
+        old="(across > 0.0 ? 0.1 : 0.0) >= rooms[1]",
+        new="(across > 0.0 ? 0.1 : 0.0) < rooms[1]",
         tests="test_passing.py test_duels.py test_other_cars.py",
     ),
     "a plan that begins where the car was when it was commanded": Fault(
-        file="addons/drivers/line_mpc.py",
-        old="if delay == 0.0 or not mpc.planned:",
-        new="if True:",
+        file="native/addons/drivers/line_mpc.cpp",
+        old="if (delay == 0.0 || !mpc.planned)",
+        new="if (true)",
         tests="test_line_mpc.py test_pure_pursuit.py",
     ),
     # viz
@@ -912,9 +909,6 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="faults-") as place:
         folder = Path(place) / "copy"
         copy_of(options.checkout.resolve(), folder)
-        kept = cache_folder()  # kernels without a fault are not compiled again, and those with one are not kept
-        shutil.copytree(kept, Path(place) / "cache" / "fg_mujoco" / "kernels", copy_function=os.link)
-        (Path(place) / "cache" / "fg_mujoco").chmod(0o700)  # as it is only used when nobody else may write there
         for name, fault in chosen.items():
             before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
             tests = [] if options.whole else [str(next((folder / "tests").rglob(name))) for name in fault.tests.split()]

@@ -180,7 +180,7 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as temporary:
         place = Path(temporary)
-        with contextlib.redirect_stdout(io.StringIO()):  # here, so that all processes have modules and kernels already
+        with contextlib.redirect_stdout(io.StringIO()):  # here, so that all processes have modules already
             fg_mujoco([*f"race {SMALL} --out".split(), str(place / "run")])
         for i, name in enumerate(names):
             kills = len(range(i, chosen.kills, len(names)))

@@ -22,7 +22,6 @@ from common import parser, report, stay_on_cores, table
 import fg_mujoco as fg
 from fg_mujoco.addons.arena.bundled_scenes import straight
 from fg_mujoco.addons.arena.random_courses.moving import pedestrian
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.perception.scan_geometry import geometry_record
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
@@ -32,7 +31,6 @@ from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
-CAR_OFFSET = CAR.lidar_offset  # [m] kernels read numbers only
 COURSES = (
     "oval,l_corridor,hairpins,chicanes,fast,tight,spiral,serpentine,u_turns,random:1000:tight,scene:cylinder_field:1000"
 )
@@ -56,22 +54,6 @@ class Recorder:
         return self.planner(scan, odometry)
 
 
-@kernel
-def track_all(memory, geometry, ranges, odometry, moves, places):  # type: ignore[no-untyped-def]
-    """Track a drive; write how many targets move in each tick, and x, y and velocity of the first eight of them."""
-    for tick in range(len(ranges)):
-        moves[tick] = track_targets(memory, geometry, ranges[tick], odometry[tick], CAR_OFFSET, 0.0)
-        k = 0
-        for target in memory.targets:
-            if target.age > 0 and target.moves and k < places.shape[1]:
-                places[tick, k, 0] = 0.5 * (target.ends[0, 0] + target.ends[1, 0])
-                places[tick, k, 1] = 0.5 * (target.ends[0, 1] + target.ends[1, 1])
-                places[tick, k, 2], places[tick, k, 3] = target.vx, target.vy
-                k += 1
-
-
-
-
 def tracked(log: list[tuple[Any, Any]], noise: float, drift: float) -> tuple[Any, Any, float]:
     """Return for each tick how many targets move, and what the first eight are; and the time of a scan [us]."""
     rng = np.random.default_rng(7)
@@ -81,13 +63,17 @@ def tracked(log: list[tuple[Any, Any]], noise: float, drift: float) -> tuple[Any
     odometry["speed"] = [(1.0 + drift) * each.speed for _, each in log]
     odometry["angular_velocity"][:, 2] = [(1.0 + drift) * each.yaw_rate for _, each in log]
     moves, places = np.zeros(len(log), np.int64), np.empty((len(log), 8, 4))
-    least = math.inf
-    for _ in range(3):
-        memory, places[:] = np.zeros(1, TARGETS)[0], math.nan
+    memory, geometry, duration = np.zeros(1, TARGETS)[0], geometry_record(log[0][0])[0], 0.0
+    places[:] = math.nan
+    for tick in range(len(log)):
         began = time.process_time()
-        track_all(memory, geometry_record(log[0][0])[0], ranges, odometry, moves, places)
-        least = min(least, time.process_time() - began)
-    return moves, places, 1e6 * least / len(log)
+        moves[tick] = track_targets(memory, geometry, ranges[tick], odometry[tick], CAR.lidar_offset, 0.0)
+        duration += time.process_time() - began
+        targets = memory["targets"]
+        first = targets[(targets["age"] > 0) & targets["moves"]][:8]
+        places[tick, : len(first), :2] = first["ends"].mean(axis=1)
+        places[tick, : len(first), 2], places[tick, : len(first), 3] = first["vx"], first["vy"]
+    return moves, places, 1e6 * duration / len(log)
 
 
 def box_errors(scene: str, log: list[tuple[Any, Any]], places: Any) -> tuple[list[Any], float]:

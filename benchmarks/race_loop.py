@@ -115,7 +115,7 @@ def measure(track: str, laps: int, repeats: int = 9) -> dict[str, Any]:
         "rangefinder sensors": lambda: fg.race(track, laps=1, lidar="rangefinder"),
         "rangefinder sensors, no sleep flag": lambda: plain_race(track, 1),
     }
-    fg.race(track, laps=1)  # kernels are read from disk
+    fg.race(track, laps=1)  # what is loaded once
     factors: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(repeats):
         for name, run in ways.items():

@@ -58,7 +58,7 @@ def measure(track: str, duration: float, most: int) -> dict[str, Any]:
     """Return the figures of the benchmark."""
     counts = [4**k for k in range(7) if 4**k <= most]
     rates: dict[str, dict[int, float]] = {f"{t} thread{'s'[: t > 1]}": {} for t in THREADS}
-    drive(track, 2, 2, 0.2)  # kernels are read from disk
+    drive(track, 2, 2, 0.2)  # what is loaded once
     for n in counts:
         repeats = 5 if n <= 64 else 3 if n <= 256 else 1
         taken: dict[str, list[float]] = {name: [] for name in rates}

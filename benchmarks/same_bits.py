@@ -8,8 +8,7 @@ BEFORE and AFTER are each the folder of a checkout, whose `.venv/bin/python` is 
 checkout whose interpreter runs it.
 
 The cases are those of `same_bits_cases.py`, next to this file: it runs in both checkouts, each case in the same order,
-under the checkout's own interpreter and in an empty folder. All kernels are compiled anew, because a refactoring may
-break the rule by which they are cached; with `--quick`, those on disk are used.
+under the checkout's own interpreter, in an empty folder, with nothing kept from before.
 
 One line for each group says how many cases are equal and how many differ. One line for each case that differs says
 where. Of a list only the first entry that differs is shown: `states_by_second[20]` says that the trajectories part in
@@ -60,8 +59,7 @@ def collect(python: Path, checkout: Path | None, label: str, options: argparse.N
         work, cache, out = Path(folder, "work"), Path(folder, "cache"), Path(folder, "figures.json")
         work.mkdir()
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-        if not options.quick:
-            environment["XDG_CACHE_HOME"] = str(cache)
+        environment["XDG_CACHE_HOME"] = str(cache)
         command = [str(python), str(CASES), str(out), "--label", label]
         command += ["--within", str(checkout)] if checkout else []
         command += ["--quick"] if options.quick else []
@@ -171,7 +169,7 @@ def parsed() -> argparse.Namespace:
     add("after", type=Path, nargs="?", metavar="AFTER", help="the same")
     add("--python-before", type=Path, metavar="PYTHON", help="interpreter of BEFORE; default: its .venv/bin/python")
     add("--python-after", type=Path, metavar="PYTHON", help="interpreter of AFTER")
-    add("--quick", action="store_true", help="a part of the cases, with the kernels on disk; less than a minute each")
+    add("--quick", action="store_true", help="a part of the cases; less than a minute each")
     add("--only", action="append", choices=GROUPS, metavar="GROUP", help=f"may be repeated: {', '.join(GROUPS)}")
     add("--save", type=Path, metavar="FILE", help="keep what was collected of AFTER: the BEFORE of a later call")
     add("--collect", type=Path, metavar="FILE", help="compare nothing: collect in this interpreter's checkout")

@@ -553,7 +553,7 @@ def all_cases() -> list[Case]:
 def made_with() -> dict[str, Any]:
     """Return what else the bits depend on."""
     made: dict[str, Any] = {"machine": platform.machine(), "cpu": cpu(), "python": platform.python_version()}
-    for name in ("mujoco", "numpy", "numba", "gymnasium", "dm-control"):
+    for name in ("mujoco", "numpy", "gymnasium", "dm-control"):
         try:
             made[name] = version(name)
         except PackageNotFoundError:

@@ -2,8 +2,8 @@
 
     python benchmarks/startup.py [--repeats 7] [--json FILE]
 
-Each repeat is a new process, kernels on disk; medians. The baseline is importing MuJoCo alone. Last, the same with no
-kernels on disk yet: what the first run ever takes.
+Each repeat is a new process; medians. The baseline is importing MuJoCo alone. Last, the same with nothing kept on disk
+yet: what the first run ever takes.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def main() -> None:
     rows.append(("times importing mujoco", *(f"{total / baseline:.1f}" for total in totals.values())))
     text = (
         table(("[s]", "oval", "5 km track, 5000 points"), rows)
-        + f"\n\nThe first run ever, kernels not yet compiled: {figures['first_ever_s']:.1f} s"
+        + f"\n\nThe first run ever, nothing kept yet: {figures['first_ever_s']:.1f} s"
     )
     report(figures, text, options.json)
 

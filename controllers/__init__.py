@@ -5,7 +5,7 @@
 - safety: predictions, guidance, the line of a known lap, braking trajectories, the safety filter, recovery and the
   friction limiter.
 
-Of fg_mujoco they import messages, errors and compiled kernels, which a planner on a real car has, too. Planners that
+Of fg_mujoco they import messages, errors and the native core, which a planner on a real car has, too. Planners that
 follow lines or overtake are in `addons/drivers`.
 
 A planner needs no entry here to be raced: `--controller path/to/file.py:ClassName` does too, and an installed package

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import CarParameters
 
 from .control.driving import DrivingSettings
@@ -25,9 +24,8 @@ _MODULUS, _FACTOR, _DISCARDED = 2**31 - 1, 16807, 3  # S. Park and K. Miller, Ra
 
 
 def _always(bearing: float) -> Any:
-    """Return the kernel `goal` of a planner whose goal has always the same bearing [rad]."""
+    """Return the function `goal` of a planner whose goal has always the same bearing [rad]."""
 
-    @kernel
     def goal(geometry, ranges, car, settings, debug):  # type: ignore[no-untyped-def]
         return bearing, _FAR
 
@@ -76,7 +74,6 @@ class Random(Planner):
         super().__init__(car, mu, max_speed, given, latency=latency, period=period, assist=assist)
 
     @staticmethod
-    @kernel
     def reference(  # type: ignore[no-untyped-def]
         geometry, ranges, odometry, car, settings, memory, line
     ):

@@ -26,14 +26,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fg_mujoco.compiled.kernels import kernel
+import numpy as np
+
 from fg_mujoco.messages import FloatArray
 
-from .control.driving import SOURCE, DrivingSettings
+from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, Record, setting, setting_of_car
-from .perception.gaps import furthest_beam
-from .perception.intermediate_scans import IntermediateScans, write_debug
+from .perception.gaps import disparities, furthest_beam
+from .perception.intermediate_scans import IntermediateScans
 from .perception.scan_filters import bubble_beams, extend_disparities, greatest_beam
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -53,30 +54,23 @@ class DisparityExtenderSettings(DrivingSettings):
     side_distance: float = setting_of_car(0.2, "m", "from the LiDAR: half the car's width, and 45 mm", FROM_ZERO)
 
 
-@kernel
 def cover_farther(ranges: FloatArray, angle_increment: float, threshold: float, radius: float) -> FloatArray:
     """Return ranges with every edge extended by `radius` [m] to its farther side only, as the source has it."""
     result, widths = ranges.copy(), bubble_beams(ranges, radius, angle_increment)
-    for beam in range(1, len(ranges)):
-        step = ranges[beam] - ranges[beam - 1]
-        if abs(step) > threshold:
-            near, way = (beam - 1, 1) if step > 0.0 else (beam, -1)
-            for k in range(1, widths[near] + 1):
-                if not 0 <= near + way * k < len(ranges):
-                    break
-                result[near + way * k] = min(result[near + way * k], ranges[near])
+    for beam in disparities(ranges, 0, len(ranges), threshold).tolist():
+        if ranges[beam + 1] > ranges[beam]:
+            covered, near = result[beam + 1 : beam + 1 + widths[beam]], ranges[beam]
+        else:
+            covered, near = result[max(beam + 1 - widths[beam + 1], 0) : beam + 1], ranges[beam + 1]
+        np.minimum(covered, near, out=covered)
     return result
 
 
-@kernel
 def is_too_close(geometry: Record, ranges: FloatArray, side: float, limit: float) -> bool:
     """Return whether a reading beyond 90 degrees on a side (positive: left) is nearer than `limit` [m]."""
     right, left = beams_between(geometry, len(ranges), -_ABEAM, _ABEAM)
     first, end = (left, len(ranges)) if side > 0.0 else (0, right)
-    nearest = math.inf
-    for beam in range(first, end):
-        nearest = min(nearest, ranges[beam])
-    return nearest < limit
+    return bool(np.min(ranges[first:end], initial=math.inf) < limit)
 
 
 class DisparityExtender(GoalPlanner):
@@ -86,19 +80,17 @@ class DisparityExtender(GoalPlanner):
     source_laws = ("distance_ahead",)
 
     @staticmethod
-    @kernel
     def goal(
-        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: DisparityExtenderSettings, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is reachable."""
         radius = 0.5 * car.width + settings.tolerance
-        source, threshold = settings.method == SOURCE, settings.disparity_threshold
+        source, threshold = settings.method == "source", settings.disparity_threshold
         if source:
             reachable = cover_farther(ranges, geometry.angle_increment, threshold, radius)
         else:
             reachable = extend_disparities(ranges, geometry.angle_increment, threshold, radius)
-        write_debug(debug.extended, reachable)
-        write_debug(debug.filtered, reachable)
+        debug.extended[:] = debug.filtered[:] = reachable
         first, end = beams_between(geometry, len(ranges), -_ABEAM, _ABEAM)
         goal = furthest_beam(reachable, first, end)
         if source and goal >= 0:

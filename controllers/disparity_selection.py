@@ -25,14 +25,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from .control.driving import SOURCE, DrivingSettings
+from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car, setting_of_method
-from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
-from .perception.intermediate_scans import IntermediateScans, write_debug, write_debug_run
+from .perception.gaps import chord, deepest_run, disparities, longest_run, middle_of, range_at
+from .perception.intermediate_scans import IntermediateScans, write_debug_run
 from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -47,17 +46,15 @@ class DisparitySelectionSettings(DrivingSettings):
     field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are searched", POSITIVE)
 
 
-@kernel
 def widest_opening(
     ranges: FloatArray, first: int, end: int, angle_increment: float, threshold: float
 ) -> tuple[int, int]:
     """Return the widest opening within `ranges[first:end]`: first beam, last + 1; `first` and `first` without one."""
     best_first, best_end, widest = first, first, -1.0
     rise = -1  # the first beam behind the last disparity, if that was from near to far
-    for beam in range(first + 1, end):
-        step = ranges[beam] - ranges[beam - 1]
-        if abs(step) <= threshold:
-            continue
+    for before in disparities(ranges, first, end, threshold).tolist():
+        beam = before + 1
+        step = ranges[beam] - ranges[before]
         if step < 0.0 and rise >= 0:
             width = chord(ranges[rise - 1], ranges[beam], (beam - rise + 1) * angle_increment)
             if width > widest:
@@ -66,22 +63,17 @@ def widest_opening(
     return best_first, best_end
 
 
-@kernel
 def source_beam(ranges: FloatArray, first: int, end: int, threshold: float) -> int:
     """Return the beam of the source's code: halfway between the first two disparities of the gap `ranges[first:end]`.
 
     A disparity has the index of the reading before its jump. Without two the goal is the furthest reading of the gap.
     """
-    before = -1
-    for beam in range(first, end - 1):
-        if abs(ranges[beam] - ranges[beam + 1]) > threshold:
-            if before >= 0:
-                return first + (before + beam - first) // 2
-            before = beam - first
+    found = disparities(ranges, first, end, threshold)
+    if len(found) >= 2:
+        return int(first + (found[0] + found[1] - 2 * first) // 2)
     return first + greatest_beam(ranges[first:end])
 
 
-@kernel
 def best_opening(free: FloatArray, angle_increment: float, threshold: float) -> tuple[int, int]:
     """Return the first beam, and the last + 1, whose middle is the goal in masked ranges (n,) [m]: 0, 0 without one."""
     first, end = longest_run(free)
@@ -96,20 +88,22 @@ class DisparitySelection(GoalPlanner):
     source_laws = ("distance_ahead",)
 
     @staticmethod
-    @kernel
     def goal(
-        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
+        geometry: Record,
+        ranges: FloatArray,
+        car: Record,
+        settings: DisparitySelectionSettings,
+        debug: IntermediateScans,
     ) -> tuple[float, float]:
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
         half = 0.5 * settings.field_of_view
         first, end = beams_between(geometry, len(ranges), -half, half)
-        free, increment, threshold = debug.bubble[first:end], geometry.angle_increment, settings.disparity_threshold
-        source = settings.method == SOURCE
-        write_debug(debug.bubble, ranges if source else clip_to_lookahead(ranges, settings.lookahead))
-        if source:
-            write_debug(free, mask_bubble(free, increment, settings.bubble_radius))
-        else:
-            write_debug(free, mask_nearest(free, increment, settings.bubble_radius))
+        increment, threshold = geometry.angle_increment, settings.disparity_threshold
+        source = settings.method == "source"
+        seen = ranges if source else clip_to_lookahead(ranges, settings.lookahead)
+        mask = mask_bubble if source else mask_nearest
+        free = mask(seen[first:end], increment, settings.bubble_radius)
+        debug.bubble[:], debug.bubble[first:end] = seen, free
         gap_first, gap_end = longest_run(free) if source else best_opening(free, increment, threshold)
         if gap_first == gap_end:
             return math.nan, 0.0

@@ -29,21 +29,15 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from .control.driving import SOURCE, DrivingSettings
+from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car, setting_of_method
-from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
-from .perception.intermediate_scans import IntermediateScans, write_debug, write_debug_run
-from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest
+from .perception.gaps import deepest_run, longest_run, middle_of, range_at
+from .perception.intermediate_scans import IntermediateScans, write_debug_run
+from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest, mask_points
 from .perception.scan_geometry import beams_between, bearing_of
-
-_FURTHEST, _MIDDLE, _DEEPEST = 0, 1, 2  # indices of the words of `point`
-_POINTS = 1  # and of the word of `bubble`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,35 +52,21 @@ class FollowTheGapSettings(DrivingSettings):
     depth_tolerance: float = setting(0.5, "m", "point=deepest, step 4", FROM_ZERO)
 
 
-@kernel
-def mask_points(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
-    """Return ranges (n,) [m] with all readings that end within `radius` [m] of the nearest point set to 0."""
-    result = ranges.copy()
-    if len(ranges) > 0:
-        nearest = np.argmin(ranges)
-        for beam in range(len(ranges)):
-            if chord(ranges[nearest], ranges[beam], abs(beam - nearest) * angle_increment) <= radius:
-                result[beam] = 0.0
-    return result
-
-
-@kernel
-def free_space(ranges: FloatArray, angle_increment: float, settings: Record) -> FloatArray:
+def free_space(ranges: FloatArray, angle_increment: float, settings: FollowTheGapSettings) -> FloatArray:
     """Return ranges (n,) [m] after steps 1 and 2: 0 is what is not free."""
-    if settings.bubble == _POINTS:
+    if settings.bubble == "points":
         return mask_points(ranges, angle_increment, settings.bubble_radius)
-    if settings.method == SOURCE:
+    if settings.method == "source":
         return mask_bubble(ranges, angle_increment, settings.bubble_radius)
     return mask_nearest(ranges, angle_increment, settings.bubble_radius)
 
 
-@kernel
-def best_position(free: FloatArray, first: int, end: int, settings: Record) -> float:
+def best_position(free: FloatArray, first: int, end: int, settings: FollowTheGapSettings) -> float:
     """Return the position of the best point, in beams, in the gap `free[first:end]` by step 4."""
-    if settings.method == SOURCE and settings.point == _FURTHEST:
+    if settings.method == "source" and settings.point == "furthest":
         return float(first + greatest_beam(free[first:end]))
-    if settings.point != _MIDDLE:
-        tolerance = settings.depth_tolerance if settings.point == _DEEPEST else 0.0
+    if settings.point != "middle":
+        tolerance = settings.depth_tolerance if settings.point == "deepest" else 0.0
         first, end = deepest_run(free, first, end, tolerance)
     return middle_of(first, end)
 
@@ -98,18 +78,15 @@ class FollowTheGap(GoalPlanner):
     source_laws = ("distance_ahead",)
 
     @staticmethod
-    @kernel
     def goal(
-        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: FollowTheGapSettings, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
         half = 0.5 * settings.field_of_view
         first, end = beams_between(geometry, len(ranges), -half, half)
-        write_debug(
-            debug.bubble, ranges if settings.method == SOURCE else clip_to_lookahead(ranges, settings.lookahead)
-        )
-        free = debug.bubble[first:end]
-        write_debug(free, free_space(free, geometry.angle_increment, settings))
+        seen = ranges if settings.method == "source" else clip_to_lookahead(ranges, settings.lookahead)
+        free = free_space(seen[first:end], geometry.angle_increment, settings)
+        debug.bubble[:], debug.bubble[first:end] = seen, free
         gap_first, gap_end = longest_run(free)
         if gap_first == gap_end:
             return math.nan, 0.0

@@ -32,7 +32,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
@@ -41,8 +40,6 @@ from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, set
 from .perception.gaps import middle_of, range_at, runs_beyond
 from .perception.intermediate_scans import IntermediateScans, write_debug_run
 from .perception.scan_geometry import beams_between, bearing_of
-
-_WIDEST = 0  # index of the word in `gap`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,17 +54,13 @@ class ThresholdGapSettings(DrivingSettings):
     field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are searched", POSITIVE)
 
 
-@kernel
-def choose_gap(ranges: FloatArray, gaps: NDArray[np.int64], settings: Record) -> int:
+def choose_gap(ranges: FloatArray, gaps: NDArray[np.int64], settings: ThresholdGapSettings) -> int:
     """Return the index in `gaps` (gaps, 2), of `ranges` (n,) [m], that step 2 selects; -1 where there is none."""
     best, best_width, best_depth = -1, 0.0, 0.0
-    for gap in range(len(gaps)):
-        width, depth = float(gaps[gap, 1] - gaps[gap, 0]), -math.inf
-        for beam in range(gaps[gap, 0], gaps[gap, 1]):
-            if ranges[beam] > depth:
-                depth = ranges[beam]
+    for gap, (first, end) in enumerate(gaps.tolist()):
+        width, depth = float(end - first), float(np.max(ranges[first:end]))
         wider, deeper = width > best_width, depth > best_depth
-        if settings.gap == _WIDEST:
+        if settings.gap == "widest":
             better = wider or (width == best_width and deeper)
         else:
             better = deeper or (depth == best_depth and wider)
@@ -83,9 +76,8 @@ class ThresholdGap(GoalPlanner):
     source_laws = ("distance_ahead",)
 
     @staticmethod
-    @kernel
     def goal(
-        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: ThresholdGapSettings, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the bearing [rad] of the gap's middle and the distance [m] seen there; NaN without a gap."""
         half = 0.5 * settings.field_of_view
@@ -95,7 +87,7 @@ class ThresholdGap(GoalPlanner):
         chosen = choose_gap(seen, gaps, settings)
         if chosen < 0:
             return math.nan, 0.0
-        gap_first, gap_end = gaps[chosen, 0], gaps[chosen, 1]
+        gap_first, gap_end = gaps[chosen].tolist()
         write_debug_run(debug.gap, ranges, first + gap_first, first + gap_end)
         position = middle_of(gap_first, gap_end)
         return bearing_of(geometry, first + position), range_at(seen, position)

@@ -29,8 +29,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan
+from fg_mujoco.record_views import views
 
 from .control.driving import DrivingSettings
 from .control.planner import Planner
@@ -38,8 +38,6 @@ from .control.planner_settings import FROM_ZERO, Accepted, Record, setting
 from .control.steering import late_by, saturate
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import geometry_record, sees
-
-_LEFT, _RIGHT, _BOTH = 0, 1, 2  # indices of the words of `side`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +55,6 @@ class WallFollowSettings(DrivingSettings):
     derivative_gain: float = setting(0.3, "rad", "kd", FROM_ZERO)
 
 
-@kernel
 def reading_at(geometry: Record, ranges: FloatArray, bearing: float) -> float:
     """Return the reading [m] of the beam nearest to a bearing [rad]; NaN without a return, or without a beam there."""
     beam = round((bearing - geometry.angle_min) / geometry.angle_increment)
@@ -66,12 +63,11 @@ def reading_at(geometry: Record, ranges: FloatArray, bearing: float) -> float:
     return float(ranges[beam])
 
 
-@kernel
 def wall_beside(geometry: Record, ranges: FloatArray, side: float, beam_angle: float) -> tuple[float, float]:
     """Return the distance to the wall [m] and the angle by which the car turns away from it [rad]; NaN without a wall.
 
     Args:
-      geometry: of type SCAN_GEOMETRY.
+      geometry: fields of SCAN_GEOMETRY.
       ranges: readings without NaN or inf (n,) [m].
       side: 1 left, -1 right.
       beam_angle: theta [rad].
@@ -82,8 +78,9 @@ def wall_beside(geometry: Record, ranges: FloatArray, side: float, beam_angle: f
     return b * math.cos(alpha), alpha
 
 
-@kernel
-def steering_towards(geometry: Record, ranges: FloatArray, side: float, settings: Record, way: float) -> float:
+def steering_towards(
+    geometry: Record, ranges: FloatArray, side: float, settings: WallFollowSettings, way: float
+) -> float:
     """Return the steering angle [rad], towards the wall at that side (1 left, -1 right); NaN without a wall.
 
     `way` [m] is what the car drives until its wheels have turned, beyond that of the F1TENTH car.
@@ -104,22 +101,21 @@ class WallFollow(Planner):
     }
 
     @staticmethod
-    @kernel
     def reference(
         geometry: Record,
         ranges: FloatArray,
         odometry: Record,
         car: Record,
-        settings: Record,
+        settings: WallFollowSettings,
         memory: Record,
         line: FloatArray,
     ) -> tuple[float, float, float]:
         """Return the steering angle [rad], no limit to the speed, and the bearing [rad] in which the car steers."""
         left = right = math.nan
         way = late_by(car) * abs(odometry.speed)
-        if settings.side != _RIGHT:
+        if settings.side != "right":
             left = steering_towards(geometry, ranges, 1.0, settings, way)
-        if settings.side != _LEFT:
+        if settings.side != "left":
             right = steering_towards(geometry, ranges, -1.0, settings, way)
         if math.isnan(left) and math.isnan(right):
             steering_angle = 0.0
@@ -134,7 +130,7 @@ class WallFollow(Planner):
 
     def find_wall(self, scan: LaserScan, side: Literal["left", "right"]) -> tuple[float, float] | None:
         """Return the distance to the wall at a side [m] and the angle by which the car turns away from it [rad]."""
-        geometry, ranges = geometry_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
+        geometry, ranges = views(geometry_record(scan))[0], valid_ranges(scan.ranges, scan.range_max)
         if not sees(geometry, ranges):
             return None
         distance, alpha = wall_beside(geometry, ranges, 1.0 if side == "left" else -1.0, self.settings.beam_angle)

@@ -29,16 +29,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .perception.gaps import runs_beyond
-from .perception.intermediate_scans import IntermediateScans, write_debug, write_debug_run
+from .perception.intermediate_scans import IntermediateScans, write_debug_run
 from .perception.scan_filters import widen_all
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -56,7 +53,6 @@ class WeightedGapSettings(DrivingSettings):
     )  # fmt: skip
 
 
-@kernel
 def gap_centre(right: float, right_distance: float, left: float, left_distance: float) -> float:
     """Return the bearing [rad] of the middle between two obstacles, by their bearings [rad] and distances [m]."""
     x = right_distance * math.cos(right) + left_distance * math.cos(left)
@@ -64,7 +60,6 @@ def gap_centre(right: float, right_distance: float, left: float, left_distance: 
     return math.atan2(y, x)
 
 
-@kernel
 def blended(gap: float, goal: float, nearest: float, alpha: float) -> float:
     """Return the heading [rad] between those of gap and goal [rad]; `nearest` is d_min [m], `alpha` is in [m].
 
@@ -80,26 +75,22 @@ class WeightedGap(GoalPlanner):
     source_laws = ("distance_ahead",)
 
     @staticmethod
-    @kernel
     def goal(
-        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: WeightedGapSettings, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the heading [rad] and how far along it the goal lies [m]; NaN without a gap."""
-        write_debug(debug.extended, widen_all(ranges, geometry.angle_increment, 0.5 * car.width + settings.clearance))
+        extended = widen_all(ranges, geometry.angle_increment, 0.5 * car.width + settings.clearance)
+        debug.extended[:] = extended
         half = 0.5 * settings.field_of_view
         first, end = beams_between(geometry, len(ranges), -half, half)
-        seen = debug.extended[first:end]
+        seen = extended[first:end]
         gaps = runs_beyond(seen, min(settings.horizon, 0.999 * geometry.range_max), 1)
         if len(gaps) == 0:
             return math.nan, 0.0
-        widest = 0
-        for gap in range(1, len(gaps)):
-            if gaps[gap, 1] - gaps[gap, 0] > gaps[widest, 1] - gaps[widest, 0]:
-                widest = gap
-        gap_first, gap_end = gaps[widest, 0], gaps[widest, 1]
-        write_debug_run(debug.gap, debug.extended, first + gap_first, first + gap_end)
+        gap_first, gap_end = max(gaps.tolist(), key=lambda gap: gap[1] - gap[0])
+        write_debug_run(debug.gap, extended, first + gap_first, first + gap_end)
         right, left = max(gap_first - 1, 0), min(gap_end, len(seen) - 1)
         right_distance, left_distance = min(seen[right], settings.horizon), min(seen[left], settings.horizon)
         right_bearing, left_bearing = bearing_of(geometry, first + right), bearing_of(geometry, first + left)
         centre = gap_centre(right_bearing, right_distance, left_bearing, left_distance)
-        return blended(centre, 0.0, np.min(seen), settings.alpha), settings.pursuit_distance
+        return blended(centre, 0.0, seen.min(), settings.alpha), settings.pursuit_distance

@@ -27,13 +27,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, Odometry
+from fg_mujoco.record_views import views
 
-from .control.driving import SOURCE, DrivingSettings
+from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
-from .perception.gaps import chord, furthest_beam
+from .perception.gaps import chord, disparities, furthest_beam
 from .perception.intermediate_scans import IntermediateScans
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import beams_between, bearing_of, geometry_record, sees
@@ -53,28 +53,23 @@ class WidestGapSettings(DrivingSettings):
     )
 
 
-@kernel
 def widest_gap(ranges: FloatArray, first: int, end: int, angle_increment: float, least_jump: float) -> int:
     """Return the right one of the two beams of the widest gap between `ranges[first:end]`; -1 where there is none."""
     widest, gap = -1.0, -1
-    for beam in range(first, end - 1):
-        a, b = ranges[beam], ranges[beam + 1]
-        if abs(b - a) > least_jump:
-            width = chord(a, b, angle_increment)
-            if width > widest:
-                widest, gap = width, beam
+    for beam in disparities(ranges, first, end, least_jump).tolist():
+        width = chord(ranges[beam], ranges[beam + 1], angle_increment)
+        if width > widest:
+            widest, gap = width, beam
     return gap
 
 
-@kernel
-def find_gap(geometry: Record, ranges: FloatArray, settings: Record) -> tuple[int, int, int]:
+def find_gap(geometry: Record, ranges: FloatArray, settings: WidestGapSettings) -> tuple[int, int, int]:
     """Return the right one of the two beams of the widest gap, or -1; and the beams looked at: first, and last + 1."""
     half = 0.5 * settings.field_of_view
     first, end = beams_between(geometry, len(ranges), -half, half)
     return widest_gap(ranges, first, end, geometry.angle_increment, settings.least_jump), first, end
 
 
-@kernel
 def centre_of(geometry: Record, ranges: FloatArray, gap: int) -> tuple[float, float]:
     """Return the middle of the two points of a gap as the LiDAR sees it: x and y [m] in the car's directions."""
     a, b, alpha, beta = ranges[gap], ranges[gap + 1], bearing_of(geometry, gap), bearing_of(geometry, gap + 1)
@@ -89,9 +84,8 @@ class WidestGap(GoalPlanner):
     source_laws = ()
 
     @staticmethod
-    @kernel
     def goal(
-        geometry: Record, ranges: FloatArray, car: Record, settings: Record, debug: IntermediateScans
+        geometry: Record, ranges: FloatArray, car: Record, settings: WidestGapSettings, debug: IntermediateScans
     ) -> tuple[float, float]:
         """Return the bearing [rad] and distance [m] to drive to; NaN where there is none."""
         gap, first, end = find_gap(geometry, ranges, settings)
@@ -101,7 +95,7 @@ class WidestGap(GoalPlanner):
                 return math.nan, 0.0
             return bearing_of(geometry, furthest), ranges[furthest]
         x, y = centre_of(geometry, ranges, gap)
-        if settings.method == SOURCE:
+        if settings.method == "source":
             return math.atan2(y, x), math.hypot(x, y)
         a, b = ranges[gap], ranges[gap + 1]
         aside = math.asin(min(settings.passing_distance / max(min(a, b), 1e-9), 1.0))
@@ -109,8 +103,8 @@ class WidestGap(GoalPlanner):
 
     def find_centre(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the centre of the widest gap in the car frame, of base_link: x and y [m]; None without a gap."""
-        geometry, ranges = geometry_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
-        gap = find_gap(geometry, ranges, self.settings_row[0])[0] if sees(geometry, ranges) else -1
+        geometry, ranges = views(geometry_record(scan))[0], valid_ranges(scan.ranges, scan.range_max)
+        gap = find_gap(geometry, ranges, self.settings)[0] if sees(geometry, ranges) else -1
         if gap < 0:
             return None
         x, y = centre_of(geometry, ranges, gap)

@@ -304,7 +304,7 @@ class DriveCommand:
 
     def __post_init__(self) -> None:
         require_finite(self, self.steering_angle, self.speed, names=_COMMAND_NUMBERS)
-        for name in _COMMAND_NUMBERS:  # kernels are compiled anew for each type of number
+        for name in _COMMAND_NUMBERS:  # not one of numpy's, which are slower
             if type(getattr(self, name)) is not float:
                 object.__setattr__(self, name, float(getattr(self, name)))
 
@@ -513,9 +513,10 @@ class ControllerBatch(Protocol):
     worlds. Each must decide as the planner itself would, bit for bit, whatever the others see.
 
     It may have a method `compiled_calls` of the same arguments: it returns calls that decide for these arrays as often
-    as they are made, (k, 2) whole numbers, in each row the address of a kernel's code (`compiled.kernels.call_at`) and
-    the number that it is called with. An engine then makes them within its own compiled call. And a method
-    `take_readings(row, readings)`, called before each decision with the readings of each running car that has sensors.
+    as they are made, (k, 2) whole numbers, in each row the address of a function in C of one 64-bit whole number, and
+    that number. An engine then makes them within its own compiled call. `core.CALL_PYTHON` of fg_mujoco.native is such
+    a function: it calls what has that `id` in Python. And a method `take_readings(row, readings)`, called before each
+    decision with the readings of each running car that has sensors.
     """
 
     def __call__(

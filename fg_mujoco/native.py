@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import EngineError
 
-__all__ = ["check_record", "core", "library_path"]
+__all__ = ["check_record", "core", "load_mujoco", "record"]
 
 _INTERFACE = 1  # FG_INTERFACE of native/CMakeLists.txt
 _MENDED_BY = "to build it: make native in a checkout, else pip install --force-reinstall --no-deps fg-mujoco"
@@ -43,9 +43,16 @@ else:
     core = _loaded()
 
 
-def library_path() -> str:
-    """Return the file of the native core, in which compiled kernels find its functions in C."""
-    return str(core.__file__)
+def load_mujoco(path: str) -> None:
+    """Look up the functions of the MuJoCo library in a file, for all that the core does with MuJoCo.
+
+    Raises:
+      EngineError: it lacks one, or is of another version than the core was built for.
+    """
+    try:
+        core.load_mujoco(path)
+    except RuntimeError as error:
+        raise EngineError(f"{error}; {_MENDED_BY}") from error
 
 
 def check_record(name: str, dtype: np.dtype[Any], fields: dict[str, int]) -> None:
@@ -57,3 +64,21 @@ def check_record(name: str, dtype: np.dtype[Any], fields: dict[str, int]) -> Non
     found = {} if dtype.fields is None else {field: int(of[1]) for field, of in dtype.fields.items()}
     if found != fields:
         raise EngineError(f"the native core has another layout of {name}; {_MENDED_BY}")
+
+
+def record(name: str, fields: list[Any]) -> np.dtype[np.void]:
+    """Return the numpy type of a record of the native core.
+
+    Args:
+      name: of its structure in native/.
+      fields: as `np.dtype` takes them.
+
+    Raises:
+      EngineError: the structure has other fields, or has them elsewhere.
+    """
+    dtype = np.dtype(fields, align=True)
+    size, found = core.RECORDS[name]
+    check_record(name, dtype, found)
+    if dtype.itemsize != size:
+        raise EngineError(f"the native core has another layout of {name}; {_MENDED_BY}")
+    return dtype

@@ -36,14 +36,9 @@ sys.dont_write_bytecode = False
 # No test outlives the machine: what they write may stay in memory, where waiting for the disk would take them minutes.
 os.fsync = lambda descriptor: None
 
-# Commands that the tests run write nothing about kernels, in a cache that is empty as in one that is not.
-os.environ["FG_MUJOCO_COMPILING"] = "in tests"
-
-# The files that take longest, which start first: a worker that begins one of them last keeps the others waiting. The
-# first compiles the kernels of all planners. The next two take as long, and call hardly any kernel until then. What a
-# worker compiles the others wait for.
+# The files that take longest, which start first: a worker that begins one of them last keeps the others waiting.
 SLOWEST = (
-    "test_formats.py", "test_identification.py", "test_interpreted.py", "test_kernels.py", "test_rollout_ray.py",
+    "test_formats.py", "test_identification.py", "test_rollout_ray.py",
     "test_live_view.py", "test_debug.py", "test_mission.py", "test_docs.py", "test_study.py", "test_f110_scripts.py",
     "test_labs.py", "test_controller_contract.py", "test_friction_lab.py", "test_failing_planners.py",
     "test_every_course.py", "test_ros2.py", "test_vehicle_contract.py", "test_tire_forces.py",
@@ -54,7 +49,7 @@ SLOWEST = (
     "test_kills.py", "test_random_courses.py", "test_gym_vector.py", "test_map_course.py", "test_f110_interfaces.py",
     "test_ros_surroundings.py", "test_damaged_runs.py", "test_rollouts.py", "test_fault.py",
     "test_lidar_tracks.py", "test_environment.py", "test_report.py",
-    "test_machine_code.py", "test_packaging.py", "test_native.py", "test_predictions.py", "test_tires_single_track.py",
+    "test_packaging.py", "test_native.py", "test_predictions.py", "test_tires_single_track.py",
     "test_cli.py", "test_tires_circles.py", "test_bag_replay.py", "test_line_formats.py", "test_guidance.py",
     "test_scenes.py", "test_rollout_cli.py", "test_residual.py",
 )  # fmt: skip
@@ -67,7 +62,6 @@ SLOW_FILES = frozenset({
     "test_f110_interfaces.py", "test_f110_scripts.py",
     "test_friction_cli.py", "test_friction_lab.py", "test_formats.py", "test_failing_planners.py",
     "test_damaged_runs.py", "test_folders_load_nothing.py", "test_identification.py",
-    "test_interpreted.py", "test_kernels.py",
     "test_kills.py",
     "test_lab_patches.py", "test_lab_skidpad.py", "test_tires_circles.py", "test_labs.py",
     "test_leaks.py",

@@ -1,6 +1,7 @@
 """Lines through a map and how fast they can be driven: what a planner with a map follows.
 
 Lines are read as centrelines of courses are, by the names of their columns (fg_mujoco.course.line_file).
+What is compiled is in native/addons/drivers/line_profile.cpp.
 """
 
 from __future__ import annotations
@@ -10,20 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.slip import fastest_on
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.course.line_file import read_line_file
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import FloatArray
+from fg_mujoco.native import core
 
 SPACING = 0.1  # [m] of the points of a table, about
 X, Y, SPEED, STEP, RIGHT, LEFT = range(6)
 """Columns of a table: the place [m], the speed there [m/s], how far it is to the next point [m] (0: the end), and how
 far the car may be beside it, from (negative, to the right) and to [m]."""
 
-ROOM = 1.0
+ROOM: float = core.LINE_ROOM
 """[m] Greatest room to either side, and all that is known where there are no walls."""
 
 _REPEATED = 1e-3  # [m] points nearer than this are one
@@ -116,53 +115,17 @@ def curvature(table: FloatArray, span: float, closed: bool) -> FloatArray:
     return np.asarray(np.divide(2.0 * area, sides, out=np.zeros(count), where=sides > 0.0))
 
 
-@kernel
-def limit_speeds(
-    table: FloatArray, bend: FloatArray, limiter: Record, cornering_use: float, braking_use: float
-) -> None:
-    """Lower the speeds of a table to what the tires hold: cornering together with braking and accelerating.
+limit_speeds = core.limit_speeds
+"""Lower the speeds of a table to what the tires hold: cornering together with braking and accelerating.
 
-    By a pass against the driving direction and one along it, twice round a closed line; at the end of an open one the
-    car stands. Braking and accelerating have what cornering leaves (friction_limiter.longitudinal_share). Source: the
-    field's forward-backward solver, as in TUM's trajectory planning helpers (A. Heilmeier et al., 2019).
-    """
-    count, step, grip = len(table), table[0, STEP], limiter.mu * limiter.car.gravity
-    closed = table[-1, STEP] > 0.0
-    for point in range(count):
-        if bend[point] != 0.0:
-            corner = math.sqrt(cornering_use * limiter.lateral / abs(bend[point]))
-            if limiter.slip.needs_slip_angle:
-                arc = math.atan(limiter.car.wheelbase * abs(bend[point]) / cornering_use)
-                corner = min(corner, fastest_on(limiter.slip, arc, limiter.slip.least_speed))
-            table[point, SPEED] = min(table[point, SPEED], corner)
-    if not closed:
-        table[-1, SPEED] = 0.0
-    rounds = 2 * count if closed else count - 1
-    for direction in (-1, 1):
-        most = braking_use * (limiter.braking if direction < 0 else limiter.accelerating)
-        point = count - 1 if direction < 0 else 0
-        for _ in range(rounds):
-            near = (point + direction) % count
-            if direction < 0 or point > 0 or closed:
-                known = table[point, SPEED]
-                share = longitudinal_share(limiter, known * known * abs(bend[point]) / grip, direction < 0)
-                reached = math.sqrt(known * known + 2.0 * most * share * step)
-                table[near, SPEED] = min(table[near, SPEED], reached)
-            point = near
+By a pass against the driving direction and one along it, twice round a closed line; at the end of an open one the car
+stands. Braking and accelerating have what cornering leaves (friction_limiter.longitudinal_share). Source: the field's
+forward-backward solver, as in TUM's trajectory planning helpers (A. Heilmeier et al., 2019).
 
-
-@kernel
-def next_point(line: FloatArray, point: int, direction: int) -> int:
-    """Return the point after (direction 1) or before (-1) one of the line; at the end of an open line, the same."""
-    if line[-1, STEP] > 0.0:
-        return (point + direction) % len(line)
-    return min(max(point + direction, 0), len(line) - 1)
-
-
-@kernel
-def moved_along(line: FloatArray, point: int, distance: float) -> int:
-    """Return the point that is `distance` [m] further along the line, or before where negative."""
-    direction = 1 if distance > 0.0 else -1
-    for _ in range(round(abs(distance) / line[0, STEP])):
-        point = next_point(line, point, direction)
-    return point
+Args:
+  table: (n, 6), written to.
+  bend: curvature at each point (n,) [1/m].
+  limiter: of type LIMITER.
+  cornering_use: share of the cornering that it allows.
+  braking_use: the same of braking, and of accelerating.
+"""

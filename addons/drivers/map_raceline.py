@@ -1,7 +1,8 @@
 """The fastest closed line between the walls of a map: of least curvature, or of least lap time.
 
 Each point of the line may move along its normal within the room that walls and obstacles leave the car's rectangle and
-a margin. controllers.safety.line_optimizer moves the points; this module finds their room.
+a margin. controllers.safety.line_optimizer moves the points; this module finds their room, in
+native/addons/drivers/map_raceline.cpp.
 
 Limits: the line found is the best near the one of least curvature. Another side of an obstacle is not tried.
 """
@@ -17,7 +18,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.controllers.safety.line_optimizer import (
     FLATTENED,
@@ -33,6 +33,7 @@ from fg_mujoco.controllers.safety.line_optimizer import (
 )
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine
+from fg_mujoco.native import core
 
 from .line_profile import ROOM, Y
 
@@ -40,7 +41,7 @@ Objective = Literal["time", "curvature"]
 
 SPACING = 0.2  # [m] of the points of a line
 _WALL_SPACING = 0.05  # [m] of the points of walls
-_CELL = 0.5  # [m] of the grid in which walls are looked up
+_CELL: float = core.WALL_CELL  # [m] of the grid in which walls are looked up
 _THROUGH = 0.05  # [m] by which a wall may lie on the wrong side of the line, and still be that wall
 _THROUGH_OBSTACLE = 1.5  # [m] the same for obstacles, through which the first line leads
 _LEAST_MARGIN = 0.5  # share of a planner's margin to the walls that it leaves when it is off its line
@@ -172,45 +173,8 @@ def room(
     """Return how far each point may move along its normal, from and to, within `most`, (n,) [m]."""
     low, high = np.empty(len(line)), np.empty(len(line))
     outline = 0.5 * car.width + margin, car.rear_overhang + margin, car.length - car.rear_overhang + margin
-    _room(line, normals, (walls.points, walls.sides, walls.origin, walls.starts), outline, most, low, high)
+    core.find_room(line, normals, (walls.points, walls.sides, walls.origin, walls.starts), outline, most, low, high)
     return low, high
-
-
-@kernel
-def _room(
-    line: FloatArray,
-    normals: FloatArray,
-    walls: tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64]],
-    outline: tuple[float, float, float],
-    most: float,
-    low: FloatArray,
-    high: FloatArray,
-) -> None:
-    """Write the room of each point: between the wall points beside the car's rectangle, from its tail to its nose.
-
-    `walls` are the arrays of Walls, `outline` half of the width, the tail and the nose with the margin [m].
-    """
-    points, sides, origin, starts = walls
-    half, tail, nose = outline
-    columns, rows = starts.shape[0], starts.shape[1] - 1
-    reach = math.hypot(max(tail, nose), half + most)
-    for i in range(len(line)):
-        x, y, across_x, across_y = line[i, 0], line[i, 1], normals[i, 0], normals[i, 1]
-        low[i], high[i] = -most, most
-        first, last = int((x - reach - origin[0]) / _CELL), int((x + reach - origin[0]) / _CELL)
-        bottom, top = int((y - reach - origin[1]) / _CELL), int((y + reach - origin[1]) / _CELL)
-        bottom, top = max(bottom, 0), min(top, rows - 1)
-        for column in range(max(first, 0), min(last, columns - 1) + 1):
-            if bottom > top:
-                break
-            for k in range(starts[column, bottom], starts[column, top + 1]):
-                dx, dy = points[k, 0] - x, points[k, 1] - y
-                ahead, aside = across_y * dx - across_x * dy, across_x * dx + across_y * dy
-                if -tail < ahead < nose:
-                    if sides[k, 0] > 0.0 and aside > -sides[k, 1]:
-                        high[i] = min(high[i], aside - half)
-                    elif sides[k, 0] < 0.0 and aside < sides[k, 1]:
-                        low[i] = max(low[i], aside + half)
 
 
 @lru_cache(maxsize=8)

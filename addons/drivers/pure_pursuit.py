@@ -14,6 +14,8 @@ Source: R. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 
 Limits: the planner does not see obstacles. Its speed law is `friction`, the profile held in transients; `stopping` and
 `minimum` stop it before an obstacle on its line, and it stays there. It cuts corners, more with a longer lookahead. It
 brakes without a pose, and without a scan: a car whose LiDAR is dead does not know its pose for long.
+
+What is done in each tick is in native/addons/drivers/pure_pursuit.cpp.
 """
 
 from __future__ import annotations
@@ -25,47 +27,29 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.controllers.control.driving import DrivingSettings, refer
+from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.controllers.control.planner_settings import (
     FROM_ZERO,
     POSITIVE,
     SHARE,
-    Record,
     for_car,
+    record_type,
     setting,
     setting_of_car,
 )
-from fg_mujoco.controllers.control.slip import late_on_path
-from fg_mujoco.controllers.control.stages import Stage, Tick
-from fg_mujoco.controllers.control.steering import late_by, pursue
-from fg_mujoco.controllers.perception.scan_geometry import sees
+from fg_mujoco.controllers.control.stages import NativeStep, Stage
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.course.line_file import require_closed
 from fg_mujoco.course.polyline import is_inside, step_lengths
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
+from fg_mujoco.native import core, record
 
-from .line_profile import (
-    LEFT,
-    RIGHT,
-    SPEED,
-    STEP,
-    X,
-    Y,
-    is_counterclockwise,
-    line_table,
-    moved_along,
-    next_point,
-    read_line,
-)
+from .line_profile import LEFT, RIGHT, SPEED, is_counterclockwise, line_table, read_line
 
-_PURE_PURSUIT, _MAP = 1, 4  # indices of the words of the setting `tracker`
-_SHORT_JOINING = 1.0  # m/m: the other trackers join the line further on by no more, so as not to cut a bend on the way
 _SHORTEST, _LONGEST = 0.5, 1.5  # times the course's own line may a lap of another be
 _LOOKED_AT = 100  # points of a line, about, of which most have to be on the course
-_SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,110 +77,7 @@ class PurePursuitSettings(DrivingSettings):
             raise SettingsError(f"PurePursuitSettings.line is {self.line!r}; accepted: {accepted}")
 
 
-@kernel
-def distance_to(line: FloatArray, point: int, x: float, y: float) -> float:
-    """Return the distance [m] of a point of the line from (x, y) [m]."""
-    return math.hypot(line[point, X] - x, line[point, Y] - y)
-
-
-@kernel
-def nearest_of_all(line: FloatArray, x: float, y: float) -> int:
-    """Return the point of the line that is nearest to (x, y) [m]."""
-    best = 0
-    for point in range(1, len(line)):
-        if distance_to(line, point, x, y) < distance_to(line, best, x, y):
-            best = point
-    return best
-
-
-@kernel
-def nearest_from(line: FloatArray, last: int, x: float, y: float) -> int:
-    """Return the point nearest to (x, y) [m] of the stretch of line round the last one."""
-    best = last
-    for direction in (1, -1):
-        point = last
-        for _ in range(math.ceil(_SEARCH / line[0, STEP])):
-            point = next_point(line, point, direction)
-            if distance_to(line, point, x, y) < distance_to(line, best, x, y):
-                best = point
-    return best
-
-
-@kernel
-def nearest_point(line: FloatArray, memory: Record, lost_distance: float, x: float, y: float) -> int:
-    """Return the point nearest to (x, y) [m], and remember it."""
-    if memory.on_line:
-        memory.point = nearest_from(line, memory.point, x, y)
-    if not memory.on_line or distance_to(line, memory.point, x, y) > lost_distance:
-        memory.point = nearest_of_all(line, x, y)
-    memory.on_line = True
-    return int(memory.point)
-
-
-@kernel
-def lookahead_at(settings: Record, slip: Record, car: Record, speed: float, offset: float) -> float:
-    """Return the lookahead [m] of a car at a speed [m/s] and a distance to the line [m]."""
-    late = late_on_path(slip, car, speed) if settings.tracker == _MAP else late_by(car)
-    on_line = max(settings.least_lookahead, settings.lookahead_time * speed) + late * speed
-    joining = settings.joining_lookahead
-    if settings.tracker > _PURE_PURSUIT:
-        joining = min(joining, _SHORT_JOINING)
-    return float(on_line + joining * offset)
-
-
-@kernel
-def goal_ahead(line: FloatArray, nearest: int, lookahead: float, x: float, y: float) -> tuple[float, float]:
-    """Return the first place of the line from a point on that is `lookahead` [m] from (x, y) [m]: x and y [m].
-
-    It is no further along than the lookahead and as much again; beyond the end of an open line it is straight on.
-    """
-    point = nearest
-    for _ in range(math.ceil(2.0 * lookahead / line[0, STEP])):
-        if distance_to(line, point, x, y) >= lookahead:
-            break
-        ahead = next_point(line, point, 1)
-        if ahead == point:
-            before = next_point(line, point, -1)
-            beyond = (lookahead - distance_to(line, point, x, y)) / line[0, STEP]
-            goal_x = line[point, X] + beyond * (line[point, X] - line[before, X])
-            return goal_x, line[point, Y] + beyond * (line[point, Y] - line[before, Y])
-        point = ahead
-    return line[point, X], line[point, Y]
-
-
-@kernel
-def profile_speed(line: FloatArray, nearest: int, ahead: float) -> float:
-    """Return the speed [m/s] of the profile at a point or `ahead` [m] further on, the slower of the two."""
-    return float(min(line[nearest, SPEED], line[moved_along(line, nearest, ahead), SPEED]))
-
-
-@kernel
-def _follow(
-    odometry: Record, driver: Record, settings: Record, memory: Record, line: FloatArray, reference: Record
-) -> tuple[float, float, float, float]:
-    """Return the steering angle [rad], the speed of the profile [m/s], the goal's bearing [rad] and distance [m].
-
-    NaN: brake. The nearest point of the line is written into the reference, for other trackers.
-    """
-    car, slip = driver.car, driver.limiter.slip
-    x, y, heading = odometry.pose
-    if not (math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
-        return math.nan, 0.0, math.nan, math.nan
-    now = min(abs(odometry.speed), car.max_speed)
-    nearest = nearest_point(line, memory, settings.lost_distance, x, y)
-    if line[nearest, SPEED] == 0.0:
-        return math.nan, 0.0, math.nan, math.nan
-    offset = distance_to(line, nearest, x, y)
-    reference.point, reference.off_line = nearest, offset
-    goal_x, goal_y = goal_ahead(line, nearest, lookahead_at(settings, slip, car, now, offset), x, y)
-    bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
-    bearing = math.atan2(math.sin(bearing), math.cos(bearing))
-    speed = profile_speed(line, nearest, (settings.reaction + late_by(car)) * now)
-    if abs(bearing) > 0.5 * math.pi:
-        steering_angle = math.copysign(car.max_steering_angle, bearing)
-    else:
-        steering_angle = pursue(bearing, distance, 0.0, car.wheelbase)
-    return steering_angle, speed, bearing, distance
+record_type(PurePursuitSettings, native=True)  # is checked
 
 
 class PurePursuit(Planner):
@@ -208,7 +89,8 @@ class PurePursuit(Planner):
 
     Settings = PurePursuitSettings
     assists = {"full": ("limiter",)}  # noqa: RUF012 - it has a map
-    memory_type = np.dtype([("point", np.int64), ("on_line", np.bool_)])
+    memory_type = record("OnLine", [("point", np.int64), ("on_line", np.bool_)])  # the nearest point, if there is one
+    refer = NativeStep("pure_pursuit")
 
     def __init__(
         self,
@@ -269,17 +151,6 @@ class PurePursuit(Planner):
                 "in metres and in its map's frame"
             )
 
-    @staticmethod
-    @kernel
-    def refer(tick: Tick) -> None:
-        """Write the reference."""
-        steering_angle, speed, bearing, distance = math.nan, 0.0, math.nan, math.nan
-        if sees(tick.geometry, tick.ranges):
-            steering_angle, speed, bearing, distance = _follow(
-                tick.odometry, tick.driver, tick.state.settings, tick.state.memory, tick.line, tick.reference
-            )
-        refer(tick.record, tick.ranges, steering_angle, speed, bearing, distance)
-
     def own_stages(self) -> dict[str, Stage]:
         """Return its tracker, which is a stage."""
         tracker = self.settings.tracker
@@ -303,12 +174,8 @@ class PurePursuit(Planner):
         x, y, heading = odometry.pose.tolist()
         if self.line is None or not math.isfinite(x + y + heading + odometry.speed):
             return None
-        nearest = nearest_of_all(self.line, x, y)
-        offset = distance_to(self.line, nearest, x, y)
-        driver = self.driver[0]
-        slip, car = driver["limiter"]["slip"], driver["car"]
-        lookahead = lookahead_at(self.settings_row[0], slip, car, abs(odometry.speed), offset)
-        return goal_ahead(self.line, nearest, lookahead, x, y)
+        goal: tuple[float, float] = core.goal_on_line(self.line, self.settings_row, self.driver, x, y, odometry.speed)
+        return goal
 
 
 @lru_cache(maxsize=8)

@@ -82,7 +82,7 @@ class PolicyPlanner:
         self._driver.reset()
 
     def _try_once(self) -> None:
-        """Ask the policy for an action, so that kernels are loaded, and a network that fails does so before a race."""
+        """Ask the policy for an action, so that it is loaded, and a network that fails does so before a race."""
         parts = {name: np.zeros(shape, np.float32) for name, shape in observed_shapes(self.policy.interface).items()}
         try:
             action = self._act(parts.get(FLAT, parts))

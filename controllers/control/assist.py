@@ -50,7 +50,7 @@ STAGES: Registry[object] = Registry(
         "safety_filter": f"{_DECISION}SAFETY_FILTER_STAGE",
         "recovery": f"{_DECISION}RECOVERY_STAGE",
         "remember": "fg_mujoco.controllers.safety.lap_raceline:REMEMBER",
-    }
+    },
 )
 """Stages by name, each a `stages.Stage`, in the order of their calls; other packages may register theirs.
 

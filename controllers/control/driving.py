@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray, require
+from fg_mujoco.messages import ODOMETRY, CarParameters, require
+from fg_mujoco.native import core, record
 
 from ..perception.scan_geometry import SCAN_GEOMETRY
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter
@@ -31,7 +31,6 @@ from .planner_settings import (
     FROM_ZERO,
     POSITIVE,
     Accepted,
-    Record,
     Settings,
     for_car,
     record_type,
@@ -42,8 +41,6 @@ from .planner_settings import (
 )
 from .reasons import REASONS
 from .slip import VELOCITY_FRAME
-from .speed import mean_range_speed
-from .steering import pursue, saturate
 
 SOURCE, BY_BEARING = 1, 1
 """Indices of the words of `method` and of `steering` in the records of settings."""
@@ -98,27 +95,29 @@ FLAGS = (
     "mean_range", "distance_ahead", "friction_law", "sight", "safety_filter", "recovery", "prediction", "guidance",
     "has_limiter",
 )  # fmt: skip
-"""Stages that kernels ask for; `has_limiter`: the friction limiter."""
+"""Stages that driving asks for; `has_limiter`: the friction limiter."""
 
-DRIVER = np.dtype(
+DRIVER = record(
+    "Driver",
     [
         ("car", CAR_RECORD),
         ("max_speed", np.float64),  # [m/s]
         *((stage, np.bool_) for stage in FLAGS),  # whether the planner has these stages
         ("late", np.int64),  # ticks by which scans are older than the odometry
-        ("settings", record_type(DrivingSettings)),
+        ("settings", record_type(DrivingSettings, native=True)),
         ("limiter", LIMITER),
-        ("judge_settings", record_type(JudgeSettings)),
-        ("recovery_settings", record_type(RecoverySettings)),
-        ("guidance_settings", record_type(GuidanceSettings)),
+        ("judge_settings", record_type(JudgeSettings, native=True)),
+        ("recovery_settings", record_type(RecoverySettings, native=True)),
+        ("guidance_settings", record_type(GuidanceSettings, native=True)),
         ("trajectories", np.int64),  # which table of braking trajectories is its own
         ("line_first", np.int64),  # which points of the lines through the map are its own: the first,
         ("line_end", np.int64),  # and the one behind the last
-    ]
+    ],
 )
-"""Type of what the kernels here read of a planner."""
+"""Type of what driving reads of a planner."""
 
-DRIVING_MEMORY = np.dtype(
+DRIVING_MEMORY = record(
+    "DrivingMemory",
     [
         ("limiter", LIMITER_MEMORY),
         ("recovery", RECOVERY),
@@ -131,14 +130,15 @@ DRIVING_MEMORY = np.dtype(
         ("plan", PLAN_IN_TIME),
         ("judge", JUDGE),
         ("reasons", *REASONS),  # of the last decision; written, and never read
-    ]
+    ],
 )
 """Type of what they keep of its car from tick to tick; zero at the beginning."""
 
 MOST_LANE = 20
 """Greatest number of points of a lane beside another car."""
 
-REFERENCE = np.dtype(
+REFERENCE = record(
+    "Reference",
     [
         ("steering_angle", np.float64),  # [rad]; NaN: there is no reference, and the car brakes
         ("speed", np.float64),  # [m/s] greatest
@@ -151,7 +151,7 @@ REFERENCE = np.dtype(
         ("limit", np.float64),  # [m/s] greatest, whatever guidance makes of the rest; inf: none
         ("lane", np.float64, (MOST_LANE, 4)),  # motion beside another car, which guidance leaves, as in `tracking`
         ("lane_points", np.int64),  # of the lane; 0: there is none
-    ]
+    ],
 )
 """Type of the reference of a planner for one scan."""
 
@@ -189,7 +189,8 @@ def driver_record(
     return row
 
 
-TICK = np.dtype(
+TICK = record(
+    "TickRecord",
     [
         ("driver", DRIVER),
         ("geometry", SCAN_GEOMETRY),  # of this tick; from guidance on in the velocity frame, see slip,
@@ -197,45 +198,19 @@ TICK = np.dtype(
         ("reference", REFERENCE),
         ("memory", DRIVING_MEMORY),
         ("decided", np.bool_),  # there is a command for this tick
-    ]
+    ],
 )
 """Type of all that the stages read and keep of one world."""
 
+refer_to_goal = core.refer_to_goal
+"""Write the reference that leads to a goal, along an arc or by the goal's bearing.
 
-@kernel
-def refer_to_goal(tick: Record, filtered: FloatArray, bearing: float, distance: float) -> None:
-    """Write the reference that leads to a goal, along an arc or by the goal's bearing.
+It takes, in this order:
+  tick: of type TICK; its reference is written to.
+  filtered: readings as the planner left them (n,) [m], for the mean range towards the goal.
+  bearing: of the goal [rad]; NaN: there is none.
+  distance: of the goal from the LiDAR [m].
+"""
 
-    Args:
-      tick: of type TICK; its reference is written to.
-      filtered: readings as the planner left them (n,) [m], for the mean range towards the goal.
-      bearing: of the goal [rad]; NaN: there is none.
-      distance: of the goal from the LiDAR [m].
-    """
-    settings, car = tick.driver.settings, tick.driver.car
-    if settings.steering == BY_BEARING:
-        steering_angle = saturate(bearing, car.max_steering_angle)
-    else:
-        reach = min(distance, max(settings.pursuit_distance, settings.pursuit_time * tick.odometry.speed))
-        steering_angle = pursue(bearing, reach, car.lidar_offset, car.wheelbase)
-    refer(tick, filtered, steering_angle, tick.driver.max_speed, bearing, distance)
-
-
-@kernel
-def refer(
-    tick: Record, filtered: FloatArray, steering_angle: float, speed: float, bearing: float, distance: float
-) -> None:
-    """Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""
-    driver, geometry, reference = tick.driver, tick.geometry, tick.reference
-    reference.steering_angle, reference.bearing, reference.distance = steering_angle, bearing, distance
-    reference.speed = reference.own_speed = min(speed, driver.max_speed)
-    reference.limit, reference.lane_points, reference.plan = math.inf, 0, 0
-    if math.isnan(bearing):
-        reference.steering_angle = math.nan
-    elif driver.mean_range:
-        settings = driver.settings
-        goal = round((bearing - geometry.angle_min) / geometry.angle_increment)
-        half = round(0.5 * settings.front_width / geometry.angle_increment)
-        front = filtered[max(goal - half, 0) : max(goal + half + 1, 0)]
-        by_mean = mean_range_speed(front, settings.lookahead, settings.mean_range_gain, driver.max_speed)
-        reference.speed = min(reference.speed, by_mean)
+refer = core.refer
+"""Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""

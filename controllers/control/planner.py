@@ -1,23 +1,22 @@
-"""Base classes of planners: a kernel in, and out comes a planner that drives, alone or in a thousand worlds at once.
+"""Base classes of planners: a function in, and out comes a planner that drives, alone or in a thousand worlds at once.
 
     class MyPlanner(GoalPlanner):
         Settings = MySettings  # of DrivingSettings
 
         @staticmethod
-        @kernel
         def goal(geometry, ranges, car, settings, debug):
-            write_debug(debug.extended, extend_disparities(ranges, geometry.angle_increment, 0.3, 0.5 * car.width))
+            debug.extended[:] = extend_disparities(ranges, geometry.angle_increment, 0.3, 0.5 * car.width)
             ...
             return bearing, distance
 
 A `GoalPlanner` finds a goal in the scan. Steering to the goal, speed, safety and recovery are the same for all of
-them (driving). A `Planner` whose reference is more than a goal in the scan has a kernel `reference` instead, which
+them (driving). A `Planner` whose reference is more than a goal in the scan has a function `reference` instead, which
 also reads odometry, the planner's memory and a line through the map:
 
     def reference(geometry, ranges, odometry, car, settings, memory, line):
         return steering_angle, speed, bearing
 
-The planners of many worlds are a batch, whose tick is a few compiled calls (planner_batch). A planner that is called
+The planners of many worlds are a batch, whose tick is a few native calls (planner_batch). A planner that is called
 alone is a batch of one.
 """
 
@@ -33,7 +32,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.arguments import Remade
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import (
     ODOMETRY,
@@ -47,7 +45,7 @@ from fg_mujoco.messages import (
     shown,
 )
 
-from ..perception.intermediate_scans import IntermediateScans, write_debug
+from ..perception.intermediate_scans import IntermediateScans
 from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import sees
 from ..safety.braking_trajectories import BrakingTrajectories
@@ -58,24 +56,24 @@ from .driving import DrivingSettings, driver_record, refer, refer_to_goal
 from .planner_batch import PlannerBatch
 from .planner_settings import for_car, for_method, record_type, record_values
 from .reasons import Reason
-from .stages import NO_MEMORY, Stage, Step, Tick
+from .stages import NO_MEMORY, NativeStep, Stage, Step, Tick
 
 _motion_of = attrgetter(*ODOMETRY.names or ())
 
 
 class Planner(Remade):
-    """A planner whose decision is compiled: a fg_mujoco.messages.Controller.
+    """A planner that refers, and leaves the rest to its stages: a fg_mujoco.messages.Controller.
 
-    A subclass names its `Settings` and has a kernel `reference`, which returns for one scan the reference steering
+    A subclass names its `Settings` and has a function `reference`, which returns for one scan the reference steering
     angle [rad] (NaN: brake), the greatest speed [m/s], and the bearing [rad] that the car looks towards. Its
-    arguments:
+    arguments, whose fields are attributes:
 
-    geometry   of the scan, of type scan_geometry.SCAN_GEOMETRY
-    ranges     (n,) [m], without NaN or inf
-    odometry   of type messages.ODOMETRY
+    geometry   of the scan, fields of scan_geometry.SCAN_GEOMETRY
+    ranges     (n,) [m], without NaN or inf; not all 0
+    odometry   fields of messages.ODOMETRY
     car        fields of CarParameters
-    settings   fields of `Settings`
-    memory     of `memory_type`, kept from tick to tick, zero at the beginning
+    settings   its `Settings`
+    memory     fields of `memory_type`, kept from tick to tick, zero at the beginning
     line       (points, columns) the line through the map that was given to `__init__`; no points without one
 
     A subclass of a planner that decides by a `__call__` of its own has no batch, unless it makes its own. A copy of a
@@ -93,8 +91,8 @@ class Planner(Remade):
 
     Attributes:
       settings: those of the planner; what they leave to the car is that of `car`, and what to the method its.
-      driver: what the shared kernels read of the planner, shape (1,), of type DRIVER.
-      settings_row: what its own kernel reads of its settings, shape (1,).
+      driver: what driving reads of the planner, shape (1,), of type DRIVER.
+      settings_row: the same of its settings, shape (1,), for planners in the native core.
       stages: its stages by name, in the order of their calls.
       driven_by: name of the stage that writes its command; empty: its reference is its command.
 
@@ -151,10 +149,22 @@ class Planner(Remade):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        if "reference" in vars(cls):
-            cls.refer = staticmethod(_refers_by(_own_kernel(cls, "reference", _REFERENCE)))
+        foreign = cls._refers_of_other_records()
+        if "reference" in vars(cls) or (foreign and hasattr(cls, "reference")):
+            cls.refer = staticmethod(_refers_by(_own_function(cls, "reference", _REFERENCE)))
+        elif foreign and not hasattr(cls, "goal"):
+            said = f"{cls.__name__} has other Settings or another memory_type than its native `refer`"
+            raise ControllerError(f"{said}; accepted: those of its base class, or its own `reference`")
         if "__call__" in vars(cls) and "batch" not in vars(cls):
             cls.batch = None  # type: ignore[assignment, method-assign]
+
+    @classmethod
+    def _refers_of_other_records(cls) -> bool:
+        """Return whether its `refer` is a native one that reads records of other types than the class has."""
+        owner = next((base for base in cls.__mro__ if "refer" in vars(base)), None)
+        if owner is None or not isinstance(cls.refer, NativeStep):
+            return False
+        return (cls.Settings, cls.memory_type) != (owner.Settings, owner.memory_type)  # type: ignore[attr-defined]
 
     @classmethod
     def batch(cls, planners: Sequence[Planner]) -> PlannerBatch:
@@ -212,10 +222,10 @@ class Planner(Remade):
     def read(memory: Any, readings: Mapping[str, Reading]) -> None:
         """Copy the sensor readings that the planner uses into its memory, before each decision.
 
-        Its kernels get no readings. Most planners use none.
+        Its functions get no readings. Most planners use none.
 
         Args:
-          memory: of `memory_type`, written to.
+          memory: a row of `memory_type`, `memory["name"]`, written to.
           readings: by the names of the sensors; never none.
         """
 
@@ -234,10 +244,6 @@ class Planner(Remade):
         self._alone(scan, self._ranges, self._odometry, self._running, self._commands)
         steering_angle, speed = self._commands[0].tolist()
         return DriveCommand(steering_angle=steering_angle, speed=speed)
-
-    def compile(self) -> None:
-        """Compile all that a decision needs."""
-        self._alone.compile()
 
     def intermediate_scans(self, scan: LaserScan) -> dict[str, FloatArray]:
         """Return the intermediate scans by name, in the order of the work: ranges (n,) [m] of all beams.
@@ -272,13 +278,13 @@ class Planner(Remade):
 class GoalPlanner(Planner):
     """A planner that drives to a goal that it finds in the scan.
 
-    A subclass names its `Settings` and has a kernel `goal`, which returns the goal's bearing [rad] (NaN: there is none,
-    and the car brakes) and its distance from the LiDAR [m]. Its arguments:
+    A subclass names its `Settings` and has a function `goal`, which returns the goal's bearing [rad] (NaN: there is
+    none, and the car brakes) and its distance from the LiDAR [m]. Its arguments, whose fields are attributes:
 
-    geometry   of the scan, of type scan_geometry.SCAN_GEOMETRY
+    geometry   of the scan, fields of scan_geometry.SCAN_GEOMETRY
     ranges     (n,) [m], without NaN or inf; of two beams or more, and not all 0
     car        fields of CarParameters
-    settings   fields of `Settings`
+    settings   its `Settings`
     debug      IntermediateScans, to be written to: for pictures, no command depends on them
 
     Arguments and errors are those of Planner.
@@ -288,8 +294,8 @@ class GoalPlanner(Planner):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        if "goal" in vars(cls):
-            cls.refer = staticmethod(_refers_to(_own_kernel(cls, "goal", _GOAL)))
+        if "refer" not in vars(cls) and ("goal" in vars(cls) or cls._refers_of_other_records()):
+            cls.refer = staticmethod(_refers_to(_own_function(cls, "goal", _GOAL)))
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the goal's bearing [rad] and its distance from the LiDAR [m]; None where there is none."""
@@ -314,39 +320,35 @@ _REFERENCE = ("geometry", "ranges", "odometry", "car", "settings", "memory", "li
 _GOAL = ("geometry", "ranges", "car", "settings", "debug")
 
 
-def _own_kernel(cls: type, name: str, accepted: tuple[str, ...]) -> Callable[..., Any]:
-    """Return the kernel that a planner's class has under a name; a plain function is compiled.
+def _own_function(cls: type, name: str, accepted: tuple[str, ...]) -> Callable[..., Any]:
+    """Return the function that a planner's class has under a name.
 
     Raises:
       ControllerError: it does not take the accepted arguments.
     """
-    function = getattr(cls, name)
-    taken = tuple(inspect.signature(inspect.unwrap(getattr(function, "py_func", function))).parameters)
+    function: Callable[..., Any] = getattr(cls, name)
+    taken = tuple(inspect.signature(function).parameters)
     if taken != accepted:
         raise ControllerError(f"{cls.__name__}.{name} takes ({', '.join(taken)}); accepted: ({', '.join(accepted)})")
-    own: Callable[..., Any] = function if hasattr(function, "py_func") else kernel(function)
-    return own
+    return function
 
 
-def _refers_to(goal: Callable[..., tuple[float, float]]) -> Step:
-    """Return the kernel of a Tick that writes the reference to the goal that a kernel finds."""
+def _refers_to(goal: Callable[..., tuple[float, float]]) -> Callable[[Tick], None]:
+    """Return the step that writes the reference to the goal that a function finds."""
 
-    @kernel
     def refer_to(tick: Tick) -> None:
-        scans = IntermediateScans(tick.debug[0], tick.debug[1], tick.debug[2], tick.debug[3])
         bearing, distance = math.nan, 0.0
         if sees(tick.geometry, tick.ranges):
-            write_debug(scans.filtered, tick.ranges)
-            bearing, distance = goal(tick.geometry, tick.ranges, tick.driver.car, tick.state.settings, scans)
-        refer_to_goal(tick.record, scans.filtered, bearing, distance)
+            tick.debug.filtered[:] = tick.ranges
+            bearing, distance = goal(tick.geometry, tick.ranges, tick.driver.car, tick.state.settings, tick.debug)
+        refer_to_goal(tick.record, tick.debug.filtered, bearing, distance)
 
     return refer_to
 
 
-def _refers_by(reference: Callable[..., tuple[float, float, float]]) -> Step:
-    """Return the kernel of a Tick that writes the reference that a kernel returns."""
+def _refers_by(reference: Callable[..., tuple[float, float, float]]) -> Callable[[Tick], None]:
+    """Return the step that writes the reference that a function returns."""
 
-    @kernel
     def refer_by(tick: Tick) -> None:
         steering_angle, speed, bearing = math.nan, 0.0, math.nan
         if sees(tick.geometry, tick.ranges):

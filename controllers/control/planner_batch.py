@@ -1,40 +1,50 @@
-"""Planners of many worlds that decide together: a tick of all worlds is a few compiled calls.
+"""Planners of many worlds that decide together: a tick of all worlds is a few calls of the native core.
 
 1. see: readings without NaN, and odometry;
 2. predict: what moves (safety.predictions);
-3. refer: the planner's own kernel, from the scan to a reference;
+3. refer: the planner's own function, from the scan to a reference;
 4. begin: a new decision (decision);
 5. guide: a reference that does not lead on is replaced;
 6. drive: from the reference to a command.
 
 2, 5 and 6 are stages, and further stages are called between these (stages). A call that no planner of the batch needs
-is neither made nor compiled. An engine makes all of them from within its own compiled call (ControllerBatch).
+is not made. An engine makes all of them from within its own call of the native core (ControllerBatch): what is native
+directly, and functions in Python for one world after the other.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.compiled.array_table import ArrayTable
+from fg_mujoco.array_table import ArrayTable
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import ODOMETRY, FloatArray, LaserScan, Reading, ScanGeometry
+from fg_mujoco.native import core
+from fg_mujoco.record_views import views
 
 from ..perception.intermediate_scans import IntermediateScans
 from ..perception.scan_geometry import SCAN_GEOMETRY, geometry_values
 from ..safety.braking_trajectories import TRAJECTORIES
-from .decision import begin, drive
 from .driving import DRIVING_MEMORY, TICK
 from .planner_settings import record_type
 from .reasons import Reason, reasons_in
-from .stages import NO_MEMORY, STAGE_ARRAYS, BatchArrays, Stage, Step, call_all, see_at, stage_at
+from .stages import NO_MEMORY, STAGE_ARRAYS, BatchArrays, NativeStep, Stage, Step, Tick
 
 _NO_TRAJECTORIES = np.zeros(1, TRAJECTORIES)
 _ALL = slice(None)
+
+
+class PlannerState(NamedTuple):
+    """State of the step that writes the reference of a planner."""
+
+    settings: Any  # of the planner
+    memory: Any  # of its `memory_type`, written to
 
 
 class PlannerBatch:
@@ -66,7 +76,7 @@ class PlannerBatch:
         self._guided = 1 if planner_class.hides_cars else 0  # which of the scans guidance has; the last has no movers
         self._ticks = np.zeros(count, TICK)
         state = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
-        self._planner_states = np.zeros(count, np.dtype(state))
+        self._planner_states = np.zeros(count, np.dtype(state, align=True))
         lines, line_firsts = _join([planner.line for planner in planners], np.empty((0, 0)))
         trajectories, tables = _join([planner.trajectories for planner in planners], _NO_TRAJECTORIES)
         for world, planner in enumerate(planners):
@@ -77,7 +87,7 @@ class PlannerBatch:
         self._geometry = cast(Any, None)
         self._used = False  # what nobody has written to takes no memory
         self._tables: list[ArrayTable] = []  # of the steps; none that may be changed: none
-        self._lent: list[ArrayTable] = []
+        self._lent: list[Any] = []
         self.debug = np.empty((len(IntermediateScans._fields), 0))
         self._arrays: dict[str, Any] = {
             "geometry": np.zeros(1, SCAN_GEOMETRY), "ticks": self._ticks, "lines": lines, "trajectories": trajectories,
@@ -85,8 +95,11 @@ class PlannerBatch:
         self.references, self.memory = self._ticks["reference"], self._ticks["memory"]
         stages = {name: stage for planner in planners for name, stage in planner.stages.items()}
         self.stage_states = {name: np.zeros(count, stage.state_type) for name, stage in stages.items()}
-        self._steps: list[tuple[Any, dict[str, NDArray[Any]]]] = [(see_at, {})]  # kernels, and arrays of their stages
+        see = NativeStep("see")
+        self._steps: list[tuple[Step, dict[str, NDArray[Any]]]] = [(see, {})]  # and the arrays of their stages
+        self._settings = [planner.settings for planner in planners]
         self._calls = np.empty((0, 2), np.int64)  # the same by address, for these tables
+        self._called: list[Callable[[], None]] = []  # what they call in Python
         self._add_steps(planner_class, planners, stages)
 
     def _add_steps(self, planner_class: type[Any], planners: Sequence[Any], stages: dict[str, Stage]) -> None:
@@ -96,7 +109,7 @@ class PlannerBatch:
 
         def add(step: Step | None, active: NDArray[np.bool_], states: NDArray[np.void]) -> None:
             if step is not None and active.any():
-                self._steps.append((stage_at(step, states.dtype), {"active": active, "states": states}))
+                self._steps.append((step, {"active": active, "states": states}))
 
         def add_stages(when: str) -> None:
             for name, stage in stages.items():
@@ -107,19 +120,15 @@ class PlannerBatch:
         add(planner_class.refer, all_worlds, self._planner_states)
         self._until_reference = len(self._steps)
         add_stages("after_reference")
-        add(begin, all_worlds, nothing)
+        add(NativeStep("begin"), all_worlds, nothing)
         add_stages("guide")
         add_stages("after_guidance")
         last = [planner.driven_by for planner in planners]
         for name in dict.fromkeys(last):
             drives = np.array([name == each for each in last])
-            add(stages[name].drive if name else drive, drives, self.stage_states[name] if name else nothing)
+            step = stages[name].drive if name else NativeStep("drive")
+            add(step, drives, self.stage_states[name] if name else nothing)
         add_stages("after_driving")
-
-    def compile(self) -> None:
-        """Compile the kernels of a tick, in the order of their calls."""
-        for kernel, _ in self._steps:
-            kernel.address(0)
 
     def reset(self, which: NDArray[np.bool_] | slice = _ALL) -> None:
         """Forget everything seen so far, in all worlds or in those `which` (n,)."""
@@ -141,7 +150,7 @@ class PlannerBatch:
         """Write the command of each running world into `commands`; see ControllerBatch."""
         written = np.ascontiguousarray(commands, np.float64)
         self._take(geometry, ranges, odometry, running, written)
-        call_all(self._calls)
+        core.call_all(self._calls)
         if written is not commands:
             commands[:] = written
 
@@ -163,7 +172,7 @@ class PlannerBatch:
     ) -> None:
         """Write the reference of each running world into `references`; arguments as of a call."""
         self._take(geometry, ranges, odometry, running, np.empty((len(running), 2)))
-        call_all(self._calls[: self._until_reference])
+        core.call_all(self._calls[: self._until_reference])
 
     def compiled_calls(
         self,
@@ -175,8 +184,8 @@ class PlannerBatch:
     ) -> NDArray[np.int64]:
         """Return the calls that replace this one, see ControllerBatch."""
         self._take(geometry, ranges, odometry, running, commands)
-        self._lent += self._tables
-        self._tables = []  # from now on nobody puts anything else into those
+        self._lent += [*self._tables, *self._called]
+        self._tables, self._called = [], []  # from now on nobody puts anything else into those
         self._arrays["geometry"] = self._arrays["geometry"].copy()
         return self._calls
 
@@ -208,7 +217,7 @@ class PlannerBatch:
             }  # fmt: skip
             self._tables = []
         self._arrays |= given
-        if self._tables:
+        if self._tables and not self._called:
             for name, array in given.items():
                 self._tables[0].put(name, array)
         else:
@@ -218,11 +227,50 @@ class PlannerBatch:
         """Make the tables of all steps, and their calls."""
         batch = ArrayTable(BatchArrays._fields, self._arrays)
         stages = [ArrayTable(STAGE_ARRAYS, {"batch": batch.rows} | own) for _, own in self._steps[1:]]
-        tables = [batch, *stages]
-        calls = [(kernel, table.address) for (kernel, _), table in zip(self._steps, tables, strict=True)]
-        # From the last on: another process may be compiling the same from the first on.
-        found = [(kernel.address(address), address) for kernel, address in reversed(calls)]
-        self._calls, self._tables = np.array(found[::-1], np.int64), tables  # neither where a kernel does not compile
+        self._tables, self._called, calls = [batch, *stages], [], []
+        for (step, own), table in zip(self._steps, self._tables, strict=True):
+            if isinstance(step, NativeStep):
+                calls.append(step.call(table.address))
+            else:
+                self._called.append(partial(_call, step, self._ticks_in_python(**own), self._arrays["running"]))
+                calls.append((core.CALL_PYTHON, id(self._called[-1])))
+        self._calls = np.array(calls, np.int64)
+
+    def _ticks_in_python(self, active: NDArray[np.bool_], states: NDArray[np.void]) -> list[tuple[int, Tick]]:
+        """Return the worlds that have a stage, and their ticks."""
+        arrays, found = self._arrays, []
+        lines, trajectories = arrays["lines"].view(), arrays["trajectories"].view()
+        lines.flags.writeable = trajectories.flags.writeable = False
+        for world, (record, state) in enumerate(zip(views(self._ticks), views(states), strict=True)):
+            if not active[world]:
+                continue
+            driver = record.driver
+            if states is self._planner_states:
+                state = PlannerState(self._settings[world], state.memory)
+            found.append((world, Tick(
+                geometry=record.geometry,
+                odometry=record.odometry,
+                ranges=arrays["ranges"][world],
+                ranges_without_cars=arrays["ranges_without_cars"][world],
+                ranges_without_movers=arrays["ranges_without_movers"][world],
+                driver=driver,
+                line=lines[driver.line_first : driver.line_end],
+                trajectories=trajectories[driver.trajectories : driver.trajectories + 1],
+                reference=record.reference,
+                memory=record.memory,
+                state=state,
+                debug=IntermediateScans(*self.debug),
+                command=arrays["commands"][world],
+                record=record,
+            )))  # fmt: skip
+        return found
+
+
+def _call(step: Callable[[Tick], None], ticks: list[tuple[int, Tick]], running: NDArray[np.bool_]) -> None:
+    """Call a step for the running ones of the worlds that have it."""
+    for world, tick in ticks:
+        if running[world]:
+            step(tick)
 
 
 def _join(arrays: Sequence[NDArray[Any] | None], none: NDArray[Any]) -> tuple[NDArray[Any], list[int]]:

@@ -1,4 +1,4 @@
-"""Settings of planners: what each field says of itself, what is accepted, and rows that kernels read.
+"""Settings of planners: what each field says of itself, what is accepted, and rows that the native core reads.
 
     @dataclass(frozen=True, kw_only=True)
     class BubbleSettings(Settings):
@@ -16,8 +16,8 @@ delay of commands. `for_car` does the scaling.
 A setting of the method, `setting_of_method`, has two defaults: the value of the planner's source, and the one that is
 refined here. Its default, None, means the one of the planner's `method`; `for_method` replaces it.
 
-A kernel reads a field of a row by its name, `p.settings.radius`. A setting that is one of some words is stored as the
-index of its word: 0, 1. A plain `str`, such as a path, is not stored.
+In a row a setting that is one of some words is the index of its word: 0, 1. A plain `str`, such as a path, is not in
+it.
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ import numpy as np
 
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import CarParameters, require
+from fg_mujoco.native import record
 
 Record = Any
-"""A row of a structured array, as a kernel gets it."""
+"""A row of a structured array, or a view of one whose fields are attributes (record_views)."""
 
 _F1TENTH_WHEELBASE = 0.3302  # [m] of the car on which the settings of the car were found
 F1TENTH_STEERING = 0.02
@@ -145,11 +146,15 @@ def for_method(settings: _S, method: str) -> _S:
 
 
 @_once_for_each_class
-def record_type(settings: type) -> np.dtype[np.void]:
-    """Return the type of a row with the fields of a dataclass: floats, ints, bools, and words as ints; no strings."""
+def record_type(settings: type, native: bool = False) -> np.dtype[np.void]:
+    """Return the type of a row with the fields of a dataclass: floats, ints, bools, and words as ints; no strings.
+
+    `native`: the native core has a structure of the class's name, with which the type is compared.
+    """
     hints, words = _hints(settings), _words(settings)
     kinds = {each.name: np.int64 if each.name in words else hints[each.name] for each in fields(settings)}
-    return np.dtype([(name, kind) for name, kind in kinds.items() if kind is not str])
+    stored = [(name, kind) for name, kind in kinds.items() if kind is not str]
+    return record(settings.__name__, stored) if native else np.dtype(stored, align=True)
 
 
 def record_values(settings: Any) -> tuple[Any, ...]:
@@ -171,5 +176,5 @@ def _words(settings: type) -> dict[str, tuple[str, ...]]:
     return {f.name: get_args(hints[f.name]) for f in fields(settings) if get_origin(hints[f.name]) is Literal}
 
 
-CAR_RECORD = record_type(CarParameters)
+CAR_RECORD = record_type(CarParameters, native=True)
 """Type of a row with the parameters of a car."""

@@ -5,7 +5,8 @@
 
 Before the judge's choice (safety filter) stands each of its proposals, with what it would have met, and which one won.
 
-The kernels of `driving` write a row for every step that they take, and read none: no command depends on them. The law
+What decides (native/controllers/control) writes a row for every step that it takes, and reads none: no command depends
+on them. The law
 that holds the speed is the last step that changed it; so it is with the steering angle.
 """
 
@@ -16,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import inlined
 from fg_mujoco.messages import FloatArray
 
 MAXIMUM, PLANNER, LAST_PLAN, NO_PLAN, MEAN_RANGE, GUIDANCE, MOVES, REMEMBERED_LINE, NO_REFERENCE, AHEAD = range(10)
@@ -86,40 +86,6 @@ class Reason(NamedTuple):
     speed: float  # [m/s] after it
     text: str = ""  # what the step does, in one line
     on_the_way: bool = False  # it says how fast the car gets to what the steps before it want, and wants nothing itself
-
-
-@inlined
-def forget_reasons(reasons: FloatArray, proposals: FloatArray) -> None:
-    """Make tables of type REASONS and PROPOSALS empty, for the next decision."""
-    proposals[:, 1] = math.nan
-    for step in range(len(reasons)):
-        reasons[step, 0] = reasons[step, 1] = math.nan
-
-
-@inlined
-def log_step(reasons: FloatArray, step: int, steering_angle: float, speed: float) -> None:
-    """Write what a step made of the reference into a table of type REASONS."""
-    reasons[step, 0], reasons[step, 1] = steering_angle, speed
-
-
-@inlined
-def log_proposal(
-    proposals: FloatArray, why: int, steering_angle: float, speed: float, met: tuple[float, float, int]
-) -> None:
-    """Write what a proposal would have met into a table of type PROPOSALS, if that is slower than what stands there."""
-    row = proposals[why]
-    if math.isnan(row[1]) or met[0] < row[2]:
-        row[0], row[1], row[2], row[3], row[4] = steering_angle, speed, met[0], met[1], met[2]
-
-
-@inlined
-def log_left_out(proposals: FloatArray, fault: int) -> None:
-    """Write that a stage's motion is left out into a table of type PROPOSALS: the first fault, and how many more."""
-    row = proposals[LEFT_OUT]
-    if math.isnan(row[1]):
-        row[0], row[1], row[2], row[3], row[4] = 0.0, 0.0, 0.0, 0.0, fault
-    else:
-        row[2] += 1.0
 
 
 def reasons_in(reasons: FloatArray, judged: np.void) -> list[Reason]:

@@ -7,33 +7,32 @@ distance_ahead   by the distance straight ahead: stop, full speed, and in betwee
 friction_law     v = sqrt(g mu b / tan|d|); in transients the tires slide, unless friction_limiter holds them
 sight            the car stops within what the scan shows: braking_trajectories
 
-Kernels: to be called from Python and from other kernels alike. `decision` puts them together.
+Their code is native/controllers/control/speed.hpp; `decision` puts them together.
 """
 
 from __future__ import annotations
 
 import math
 
-from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.messages import CarParameters
+from fg_mujoco.native import core
 
+friction_speed = core.friction_speed
+"""Return the greatest speed [m/s] at which the tires hold the car on the circle of `steering_angle` [rad].
 
-@kernel
-def friction_speed(steering_angle: float, mu: float, wheelbase: float, gravity: float) -> float:
-    """Return the greatest speed [m/s] at which the tires hold the car on the circle of `steering_angle` [rad].
+A car of wheelbase b steering by d runs, at its rear axle, on a circle of radius R = b / tan|d|. Holding it there takes
+the force m v^2 / R, and the tires have mu m g: v = sqrt(g mu b / tan|d|). Straight ahead: inf. Source: the notes of the
+field's gap_finder_base, for the kinematic bicycle.
+"""
 
-    A car of wheelbase b steering by d runs, at its rear axle, on a circle of radius R = b / tan|d|. Holding it
-    there takes the force m v^2 / R, and the tires have mu m g: v = sqrt(g mu b / tan|d|). Straight ahead: inf.
-    Source: the notes of the field's gap_finder_base, for the kinematic bicycle.
-    """
-    slope = math.tan(abs(steering_angle))
-    return math.sqrt(gravity * mu * wheelbase / slope) if slope > 0.0 else math.inf
+distance_ahead_speed = core.distance_ahead_speed
+"""Return a speed [m/s] by the distance straight ahead [m]: 0 below `safe`, `top_speed` beyond `full_speed`.
 
+In between it grows in proportion. Source: the F1TENTH course slides on reactive methods.
+"""
 
-@kernel
-def friction_steering(speed: float, mu: float, wheelbase: float, gravity: float) -> float:
-    """Return the greatest steering angle [rad] that the tires hold at `speed` [m/s]: `friction_speed` read back."""
-    return math.atan2(gravity * mu * wheelbase, speed * speed)
+friction_steering = core.friction_steering
+"""Return the greatest steering angle [rad] that the tires hold at `speed` [m/s]: `friction_speed` read back."""
 
 
 def lifting_share(car: CarParameters, steering_angle: float) -> float:
@@ -46,38 +45,15 @@ def lifting_share(car: CarParameters, steering_angle: float) -> float:
     b, height = car.wheelbase, car.center_of_gravity_height
     aside = (height + 4.0 * car.wheel_inertia / (car.mass * car.wheel_radius)) / car.track_width
     forward = car.rear_axle_distance * math.tan(abs(steering_angle)) * height / b**2
-    return min(
-        car.front_axle_distance / b / (aside + forward), car.rear_axle_distance / b / max(aside - forward, 1e-9)
-    )
+    return min(car.front_axle_distance / b / (aside + forward), car.rear_axle_distance / b / max(aside - forward, 1e-9))
 
 
-@kernel
-def share_of_way(period: float, time_constant: float) -> float:
-    """Return the share of the way to its set point that a servo of first order comes in a time [s]."""
-    return 1.0 - math.exp(-period / time_constant)
+share_of_way = core.share_of_way
+"""Return the share of the way to its set point that a servo of first order comes in a time [s]."""
 
+mean_range_speed = core.mean_range_speed
+"""Return a speed [m/s] by the mean of `ranges` (n,), none longer than the lookahead: slow where it is tight.
 
-@kernel
-def distance_ahead_speed(distance: float, safe: float, full_speed: float, top_speed: float) -> float:
-    """Return a speed [m/s] by the distance straight ahead [m]: 0 below `safe`, `top_speed` beyond `full_speed`.
-
-    In between it grows in proportion. Source: the F1TENTH course slides on reactive methods.
-    """
-    if not distance > safe:
-        return 0.0
-    return top_speed * min(1.0, (distance - safe) / max(full_speed - safe, 1e-9))
-
-
-@kernel
-def mean_range_speed(ranges: FloatArray, lookahead: float, gain: float, top_speed: float) -> float:
-    """Return a speed [m/s] by the mean of `ranges` (n,), none longer than the lookahead: slow where it is tight.
-
-    It is `gain` times the mean's share of the lookahead, of the top speed. Source: the notes of the field's
-    gap_finder_base.
-    """
-    if len(ranges) == 0:
-        return 0.0
-    total = 0.0
-    for distance in ranges:
-        total += min(distance, lookahead)
-    return top_speed * min(1.0, gain * total / len(ranges) / lookahead)
+It is `gain` times the mean's share of the lookahead, of the top speed. Source: the notes of the field's
+gap_finder_base.
+"""

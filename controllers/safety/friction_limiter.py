@@ -39,25 +39,24 @@ acceleration that the tires can hold:
 
 Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid single-
 track car, and moments about its axles and wheels; 7 is those of a car with two tracks. The test of this module compares
-them with a car of four wheels and with the simulated car.
+them with a car of four wheels and with the simulated car. The work is done in
+native/controllers/safety/friction_limiter.cpp.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, DriveCommand, FloatArray, Odometry, require
+from fg_mujoco.native import core, record
 
 from ..control.planner_settings import (
     CAR_RECORD,
     POSITIVE,
     SHARE,
-    Record,
     Settings,
     for_car,
     record_type,
@@ -65,18 +64,12 @@ from ..control.planner_settings import (
     setting,
     setting_of_car,
 )
-from ..control.slip import SLIP, at_least_peak, drag, fastest_on, held_on_arc, slip_row, stable_braking, tightest_arc
-from ..control.speed import friction_speed, friction_steering, lifting_share, share_of_way
-from ..control.steering import saturate
+from ..control.slip import SLIP, at_least_peak, slip_row
+from ..control.speed import lifting_share
 
-_SLOWEST_GROWTH = 0.7  # [-] of braking, see 5 above: slower, and stops get longer than the car sees
-_SLOW = 0.6  # [m/s] a faster car brakes as its stops are planned
-_LEAST_STABLE = 0.2  # share of braking, whatever the critical speed: a car that does not brake is no slower
 _FOUND_AT = 1.0489  # friction coefficient at which the shares for evading were found
 _LOAD_KEPT = 0.476  # least share that the inner rear wheel of the cars for which they were found keeps, see `evasive`
-_ROLLS = 1.0  # [rad/s] of a wheel, as in vehicle.tire_forces: below it rolling takes in proportion to its turning
 _MOST_MOVED = 0.95  # [-] of the load of an inner wheel
-_MOST_HELD = 4.0  # [-] acceleration over g that is looked at
 _SHARES = 257  # of a table over what cornering leaves
 
 
@@ -112,9 +105,10 @@ class FrictionLimiterSettings(Settings):
     )
 
 
-LIMITER = np.dtype(
+LIMITER = record(
+    "Limiter",
     [
-        ("settings", record_type(FrictionLimiterSettings)),
+        ("settings", record_type(FrictionLimiterSettings, native=True)),
         ("car", CAR_RECORD),
         ("mu", np.float64),  # that cornering may use, see 7 above
         ("lateral", np.float64),  # [m/s^2] these six: see FrictionLimiter
@@ -123,16 +117,17 @@ LIMITER = np.dtype(
         ("yaw_lag", np.float64),  # [m]
         ("shares", np.float64, (2, _SHARES)),  # of braking, accelerating: see `longitudinal_share`
         ("slip", SLIP),  # angles that the tires need
-    ]
+    ],
 )
 """Type of the row that `limited` reads."""
 
-LIMITER_MEMORY = np.dtype(
+LIMITER_MEMORY = record(
+    "LimiterMemory",
     [
         ("acceleration", np.float64),  # [m/s^2] that was last commanded
         ("lateral_use", np.float64),  # share of the lateral grip that was used then
         ("curvature", np.float64),  # [1/m] of the path that the car is on; of tires that need slip angles, see slip
-    ]
+    ],
 )
 """Type of what a limiter keeps from one tick to the next; zero at the beginning."""
 
@@ -147,37 +142,8 @@ def _held(car: CarParameters, mu: float, moved: float, slip: np.void, braking: b
     axles = np.array([levers, (pitch, -pitch), peaks, forces, (car.front_lock, car.rear_lock),
                       (car.drives_front, car.drives_rear)])  # fmt: skip
     found = np.zeros(_SHARES)
-    _find_held(axles, float(mu), float(moved), soft, car.shaft, found)
+    core.find_held(axles, float(mu), float(moved), soft, car.shaft, found)
     return found * car.gravity
-
-
-@kernel
-def _find_held(axles: FloatArray, mu: float, moved: float, soft: bool, shaft: bool, found: FloatArray) -> None:
-    """Write the acceleration over g at each share; `axles` are the numbers of `_held`, of front and rear."""
-    levers, pitch, peaks, forces, locks, driven = axles[0], axles[1], axles[2], axles[3], axles[4], axles[5]
-    for index in range(_SHARES):
-        use = 1.0 - (index / (_SHARES - 1)) ** 2
-        low, high = 0.0, _MOST_HELD
-        for _ in range(40):
-            middle = 0.5 * (low + high)
-            least, together, weakest = 1.0, 0.0, math.inf
-            for axle in range(2):
-                load = max(levers[axle] + pitch[axle] * middle, 1e-9)
-                used = use * levers[axle] / load
-                inner = min(max(1.0 - moved * used, 0.0) / max(1.0 - locks[axle], 1e-9), 1.0)
-                kept = inner * math.sqrt(1.0 - min(used * mu / peaks[axle], 1.0) ** 2)
-                least = min(least, kept)
-                together += forces[axle] * load * (1.0 if soft else kept)
-                if driven[axle] > 0.0:
-                    weakest = min(weakest, (driven[0] + driven[1]) * peaks[axle] * load * kept)
-            held = weakest
-            if shaft:
-                held = together * least if soft else together
-            if middle <= held:
-                low = middle
-            else:
-                high = middle
-        found[index] = low
 
 
 EVASIVE = FrictionLimiterSettings(most_left=0.6, turn_in_use=0.45)
@@ -209,195 +175,33 @@ def _inner_rear_load(settings: FrictionLimiterSettings, car: CarParameters, mu: 
     return in_cornering * (1.0 - settings.braking_use * height / (height + 0.5 / mu))
 
 
-@kernel
-def longitudinal_share(limiter: Record, lateral_use: float, braking: bool) -> float:
-    """Return the share of straight-line braking or accelerating that is left at a share of the lateral grip, see 4.
+longitudinal_share = core.longitudinal_share
+"""Return the share of straight-line braking or accelerating that is left at a share of the lateral grip, see 4.
 
-    It is 1 straight ahead and 0 at the limit. `limiter` is of type LIMITER.
-    """
-    position = math.sqrt(1.0 - min(max(lateral_use, 0.0), 1.0)) * (_SHARES - 1)
-    at, shares = min(int(position), _SHARES - 2), limiter.shares[0] if braking else limiter.shares[1]
-    return float(shares[at] + (position - at) * (shares[at + 1] - shares[at]))
+It is 1 straight ahead and 0 at the limit. `limiter` is of type LIMITER.
+"""
 
 
-@kernel
-def stable_share(limiter: Record, share: float, lateral_use: float, speed: float) -> float:
-    """Return a share of braking, or what is stable of it, see `stable_braking`; a fifth of it at least."""
-    stable = stable_braking(limiter.slip, lateral_use, speed) * limiter.car.gravity / limiter.braking
-    return float(min(share, max(stable, _LEAST_STABLE * share)))
+limited = core.limited
+"""Return the command nearest to the reference that the tires hold: steering angle [rad] and speed [m/s].
 
+Where the present motion is not finite, or its forces are not, that is 0 and 0, and the memory is reset.
 
-@kernel
-def limited(
-    limiter: Record,
-    memory: Record,
-    reference: tuple[float, float],
-    least_lateral_use: float,
-    present: tuple[float, float],
-    period: float,
-    planned: bool,
-) -> tuple[float, float]:
-    """Return the command nearest to the reference that the tires hold: steering angle [rad] and speed [m/s].
+It takes, in this order:
+  limiter: of type LIMITER.
+  memory: of type LIMITER_MEMORY, written to.
+  reference: steering angle [rad] and speed [m/s], which the scan allows.
+  least_lateral_use: share of the grip for cornering when the car is far too fast, see FrictionLimiterSettings.
+  present: steering angle [rad] and speed [m/s].
+  period: until the next command [s].
+  planned: whether the command is one of a stop that is only planned, without 6 and what the last tick leaves.
+"""
 
-    Where the present motion is not finite, or its forces are not, that is 0 and 0, and the memory is reset.
+held_on_circle = core.held_on_circle
+"""Return the steering angle [rad] and the speed [m/s] that limits 1 and 2 leave of a reference.
 
-    Args:
-      limiter: of type LIMITER.
-      memory: of type LIMITER_MEMORY, written to.
-      reference: steering angle [rad] and speed [m/s], which the scan allows.
-      least_lateral_use: share of the grip for cornering when the car is far too fast, see FrictionLimiterSettings.
-      present: steering angle [rad] and speed [m/s].
-      period: until the next command [s].
-      planned: whether the command is one of a stop that is only planned, without 6 and what the last tick leaves.
-    """
-    angle_now, speed_now = present
-    car, now = limiter.car, abs(speed_now)
-    target, allowed = held_on_circle(limiter, reference[0], reference[1], now, least_lateral_use)
-    if limiter.slip.needs_slip_angle:
-        target = _held_on_path(limiter, memory.curvature, target, angle_now, now)
-    slope = math.tan(angle_now)
-    step = _steering_rate(limiter, slope, now, target - angle_now) * limiter.settings.steering_response
-    command = angle_now + saturate(target - angle_now, step)
-    acceleration = _approach(limiter, memory, allowed - speed_now, slope, math.tan(command), speed_now, period, planned)
-    # the servo's acceleration falls while the command is held: the mean over the period is what was asked for
-    reached = speed_now + acceleration * period / share_of_way(period, car.speed_time_constant)
-    if not planned:
-        overcome = car.speed_time_constant * drag(car, speed_now)
-        if allowed <= 0.0:  # a car that is to stand does not creep on
-            overcome *= min(now / (_ROLLS * car.wheel_radius), 1.0)
-        reached += overcome
-    if not math.isfinite(command + reached):
-        memory.acceleration = memory.lateral_use = 0.0
-        return 0.0, 0.0
-    memory.acceleration = acceleration
-    return command, reached
-
-
-@kernel
-def held_on_circle(
-    limiter: Record, steering_angle: float, speed: float, now: float, least_lateral_use: float
-) -> tuple[float, float]:
-    """Return the steering angle [rad] and the speed [m/s] that limits 1 and 2 leave of a reference.
-
-    `now` is the present speed without its sign [m/s]; the other arguments are as of `limited`.
-    """
-    car, mu = limiter.car, limiter.mu * limiter.settings.lateral_use
-    allowed = speed
-    if not speed <= 0.0:
-        allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
-    limit = _steering_limit(limiter, allowed, speed, now, least_lateral_use)
-    if limiter.slip.needs_slip_angle:
-        if not speed <= 0.0:
-            angle, least = saturate(steering_angle, car.max_steering_angle), limiter.slip.least_speed
-            allowed = min(allowed, fastest_on(limiter.slip, angle, least))
-        limit = min(limit, tightest_arc(limiter.slip, now))
-    return saturate(steering_angle, limit), allowed
-
-
-@kernel
-def _held_on_path(limiter: Record, curvature: float, target: float, angle_now: float, now: float) -> float:
-    """Return a steering angle [rad] with which the path is no tighter than 1 allows, although the car turns in more.
-
-    The path has a curvature [1/m] now. Where it is tighter than the arc of the wheels, the rear axle needs a greater
-    slip angle than the one in front: that much less of an arc is left to them.
-    """
-    car = limiter.car
-    more = math.atan(car.wheelbase * curvature) - angle_now
-    if not (more * curvature > 0.0 and curvature * target > 0.0):
-        return target
-    most = friction_steering(now, limiter.mu * limiter.settings.lateral_use, car.wheelbase, car.gravity)
-    return saturate(target, max(most - abs(more), 0.0))
-
-
-@kernel
-def _steering_limit(limiter: Record, allowed: float, speed: float, now: float, least_lateral_use: float) -> float:
-    """Return the greatest steering angle [rad] for now, which is smaller while the car has to slow down.
-
-    Args:
-      limiter: of type LIMITER.
-      allowed: speed by the scan and by the reference steering angle [m/s].
-      speed: by the scan alone [m/s].
-      now: present [m/s].
-      least_lateral_use: the share when the car is too fast by `overspeed`.
-    """
-    car, settings = limiter.car, limiter.settings
-    too_fast = min(max((now - speed) / settings.overspeed, 0.0), 1.0)
-    use = 1.0 - too_fast * (1.0 - least_lateral_use)
-    if now > allowed:
-        use = min(use, settings.lateral_use_in_braking)
-    mu = limiter.mu * settings.lateral_use * use
-    return float(min(friction_steering(now, mu, car.wheelbase, car.gravity), car.max_steering_angle))
-
-
-@kernel
-def _steering_rate(limiter: Record, slope: float, now: float, turn: float) -> float:
-    """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry.
-
-    `slope` is the tangent of the present steering angle.
-    """
-    cornering = now * now * slope / limiter.car.wheelbase
-    unused = max(limiter.lateral - math.copysign(cornering, turn * cornering), 0.0)
-    unused = min(unused, limiter.settings.most_left * limiter.lateral)
-    curvature_rate = limiter.settings.turn_in_use * unused / (limiter.yaw_lag * max(now, 1e-3))
-    return float(min(curvature_rate * limiter.car.wheelbase / (1.0 + slope * slope), limiter.car.max_steering_rate))
-
-
-@kernel
-def _approach(
-    limiter: Record,
-    memory: Record,
-    missing_speed: float,
-    slope: float,
-    next_slope: float,
-    speed_now: float,
-    period: float,
-    planned: bool,
-) -> float:
-    """Return the acceleration [m/s^2] with which to take up `missing_speed` [m/s], after that of the last tick.
-
-    The slopes are the tangents of the steering angle, now and as commanded; `memory.lateral_use` is written to.
-    """
-    car, settings = limiter.car, limiter.settings
-    growth, grip = period / settings.load_transfer_time, limiter.mu * car.gravity
-    reference, braking = missing_speed / settings.speed_response, missing_speed < 0.0
-    cornering = speed_now * speed_now * slope / car.wheelbase
-    turning = speed_now * (next_slope - slope) / car.wheelbase / settings.steering_response  # [1/s^2] v dk/dt
-    front = cornering + limiter.yaw_lag * turning  # turning in takes more of the front tires
-    used = max(abs(cornering), abs(speed_now * speed_now * next_slope / car.wheelbase), abs(front))
-    most = limiter.accelerating
-    if braking:
-        # Turning out takes more of the rear tires: twice as much by the slides measured in braking, in which the rear
-        # tires slide first. Accelerating loads them.
-        rear_lag = car.yaw_inertia / (car.mass * car.front_axle_distance)
-        used = max(used, abs(cornering - 2.0 * rear_lag * turning))
-        most = -limiter.braking
-    used /= grip
-    if limiter.slip.needs_slip_angle:
-        used = max(used, abs(speed_now * speed_now * memory.curvature) / grip)
-    if not planned:
-        estimate = most * max(1.0 - used, 0.0)
-        if abs(reference) < abs(estimate):
-            estimate = reference
-        moved = abs(front + car.rear_axle_distance * estimate * slope / car.wheelbase) / grip
-        if reference * speed_now >= 0.0 or abs(speed_now) < _SLOW:
-            used = max(used, moved, memory.lateral_use)
-        memory.lateral_use = moved
-    share = longitudinal_share(limiter, used, braking)
-    brakes = reference * speed_now < 0.0
-    if limiter.slip.needs_slip_angle and (car.shaft or not brakes):
-        use, lateral = settings.accelerating_use, min(used, 1.0) * limiter.mu
-        held = car.gravity * held_on_arc(limiter.slip, car, math.atan(slope), lateral, braking, brakes, use)
-        if brakes:
-            share = min(share, held * math.sqrt(max(1.0 - used * used, 0.0)) / abs(most))
-        else:
-            most = math.copysign(min(abs(most), held), most)
-    before = memory.acceleration
-    if braking:
-        if limiter.slip.needs_slip_angle:
-            share = stable_share(limiter, share, used, abs(speed_now))
-        grown = min(before, 0.0) + most * max(share, _SLOWEST_GROWTH) * growth
-        return float(max(reference, min(most * share, -drag(car, speed_now)), grown))
-    return float(min(reference, most * share, max(before, 0.0) + most * growth))
+`now` is the present speed without its sign [m/s]; the other arguments are as of `limited`.
+"""
 
 
 class FrictionLimiter:
@@ -456,6 +260,5 @@ class FrictionLimiter:
         """
         angle, now = odometry.steering_angle, odometry.speed
         least = self.settings.least_lateral_use
-        reference = float(steering_angle), float(speed)  # a whole number would compile the kernel anew
-        command = limited(self.record[0], self._memory[0], reference, least, (float(angle), float(now)), period, False)
+        command = limited(self.record, self._memory, (steering_angle, speed), least, (angle, now), period, False)
         return DriveCommand(steering_angle=command[0], speed=command[1])

@@ -5,7 +5,7 @@
             if line.due:
                 line.write(f"{count}/{len(runs)} runs")
 
-A thread writes while the work says nothing: at the beginning, while kernels are compiled and workers start, and while
+A thread writes while the work says nothing: at the beginning, while workers start, and while
 one part of it takes long. So a terminal shows within a second that something goes on.
 """
 
@@ -19,7 +19,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from ..compiled.kernel_files import compile_line
 from ..errors import EngineError
 
 _Progress = TypeVar("_Progress")
@@ -81,7 +80,7 @@ class ProgressLine:
         while not self._ended.wait(PATIENCE if self.terminal else MINUTE):
             if self.terminal and time.perf_counter() - self._shown < PATIENCE:
                 continue
-            text = f"{compile_line.text or self._text}  {clock(time.perf_counter() - self._began)} elapsed"
+            text = f"{self._text}  {clock(time.perf_counter() - self._began)} elapsed"
             self._print(f"\r\x1b[K{text}" if self.terminal else f"fg-mujoco: {text}\n")
 
     def _print(self, text: str) -> None:

@@ -117,8 +117,8 @@ class RaceWatch:
     def _interrupt(self, *signal_and_frame: object) -> None:
         self._interrupted = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        first = "the first tick: the world, kernels to be compiled, and the planner's first command"
-        waits_for = first if self._time is None else f"the planner's command at t = {self._time:.3f} s"
+        first = "the first tick: the world, and the planner's first command"
+        waits_for = first if self._time is None else f"a command of the planner after t = {self._time:.3f} s"
         said = f"fg-mujoco: interrupted; waiting for {waits_for}. Ctrl-C once more ends the race at once.\n"
         clear = "\r\x1b[K" if self._show and self._line.terminal else ""
         with contextlib.suppress(OSError):

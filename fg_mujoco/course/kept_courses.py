@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..compiled.kept import kept
-from ..compiled.kernel_files import walk
 from ..errors import Note
+from ..kept import kept
+from ..package_files import walk
 from ..registry import ADDONS
 from .course import Course
 from .files import noting_files, state_of

@@ -16,15 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import explain_class
-from ..compiled.kernels import kernel
 from ..display import brief
 from ..messages import FloatArray
+from ..native import core, record
 from .course import Course
-from .projection import follow, has_sections
 
-STANDSTILL = 0.1  # [m] progress below this is standing still: a car that pushes against a wall still creeps
-
-LAP_TIMER = np.dtype(
+LAP_TIMER = record(
+    "LapTimer",
     [
         ("place", np.float64),  # [m] where on the line the car was last; NaN before the first update
         ("progress", np.float64),  # [m] along the line from where the car was first seen, or from a scene's start
@@ -32,14 +30,14 @@ LAP_TIMER = np.dtype(
         ("time", np.float64),  # [s] of the last update
         ("lap_start", np.float64),  # [s]
         ("mark", np.float64),  # [m] greatest progress at `last_progress_time`
-        ("last_progress_time", np.float64),  # [s] when the greatest progress last grew by STANDSTILL
+        ("last_progress_time", np.float64),  # [s] when the greatest progress last grew by 0.1 m
         ("laps_completed", np.int64),
         ("passed", np.float64),  # [m] greatest progress where the line has no sections; -inf before the first update
         ("furthest", np.float64),  # [m] greatest progress; -inf before the first update
         ("furthest_time", np.float64),  # [s] when and where the car first had it
         ("furthest_x", np.float64),  # [m]
         ("furthest_y", np.float64),  # [m]
-    ]
+    ],
 )
 """Memory of a lap timer for one car."""
 
@@ -98,7 +96,7 @@ class LapTimer:
 
     @property
     def last_progress_time(self) -> float:
-        """When the greatest progress last grew by STANDSTILL [s]; NaN before the first update."""
+        """When the greatest progress last grew by 0.1 m [s]; NaN before the first update."""
         return float(self._last_progress_time.item(0))
 
     @property
@@ -124,46 +122,5 @@ class LapTimer:
         if laps >= self._lap_times.shape[1] - 1:
             self._lap_times = np.concatenate((self._lap_times, np.empty_like(self._lap_times)), axis=1)
         track = self._track
-        time_lap(self.memory, 0, self._lap_times, time, x, y, track.table, track.length, track.modulus)
+        core.time_lap(self.memory, 0, self._lap_times, time, x, y, track.table, track.length, track.modulus)
         return self.laps_completed
-
-
-@kernel
-def time_lap(
-    timers: NDArray[np.void],
-    i: int,
-    lap_times: FloatArray,
-    time: float,
-    x: float,
-    y: float,
-    table: FloatArray,
-    length: float,
-    modulus: float,
-) -> None:
-    """Give timer i of (n,) of LAP_TIMER after `first_seen` the place x, y [m] of its car at a time [s].
-
-    The times of its laps are written to `lap_times`, (n, at least one more than completed) [s]. `table`, `length` and
-    `modulus` are those of the Course.
-    """
-    timer = timers[i]
-    before = timer.progress
-    place, timer.offset = follow(x, y, timer.place, table, modulus)
-    if math.isnan(timer.time):
-        timer.lap_start = timer.last_progress_time = time
-        timer.passed = timer.progress
-    else:
-        distance = (place - timer.place + 0.5 * modulus) % modulus - 0.5 * modulus
-        timer.progress = before + distance
-        while timer.laps_completed < lap_times.shape[1] and timer.progress >= (timer.laps_completed + 1) * length:
-            line = (timer.laps_completed + 1) * length
-            crossed = timer.time + (time - timer.time) * (line - before) / distance
-            lap_times[i, timer.laps_completed] = crossed - timer.lap_start
-            timer.lap_start = crossed
-            timer.laps_completed += 1
-        if timer.progress >= timer.mark + STANDSTILL:
-            timer.mark, timer.last_progress_time = timer.progress, time
-    if timer.progress > timer.passed and not has_sections(place, table):
-        timer.passed = timer.progress
-    if timer.progress > timer.furthest:
-        timer.furthest, timer.furthest_time, timer.furthest_x, timer.furthest_y = timer.progress, time, x, y
-    timer.place, timer.time = place, time

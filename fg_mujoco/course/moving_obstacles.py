@@ -21,7 +21,6 @@ import mujoco
 import numpy as np
 
 from ..arguments import explain_class
-from ..compiled.kernels import kernel
 from ..display import brief
 from ..errors import ArgumentError, SettingsError, accepted_names
 from ..messages import FloatArray, require, shown
@@ -122,22 +121,12 @@ class MovingObstacle:
 
 
 def motion_table(obstacles: Sequence[MovingObstacle]) -> FloatArray:
-    """Return the rows of moving obstacles for `obstacle_position`. Shape (k, 8), read-only."""
+    """Return the rows of moving obstacles for the native core. Shape (k, 8), read-only."""
     table = np.array(
         [(*o.start, *o.end, o.speed, float(o.back_and_forth), o.headway, o.way) for o in obstacles], np.float64
     ).reshape(-1, 8)
     table.flags.writeable = False
     return table
-
-
-@kernel
-def obstacle_position(motion: FloatArray, time: float) -> tuple[float, float]:
-    """Return x and y [m] of a moving obstacle at a time [s], as MovingObstacle.position does; `motion` is its row."""
-    x, y, end_x, end_y, speed, back_and_forth, headway, way = motion
-    gone = max(headway + speed * time, 0.0)
-    gone = way - abs(gone % (2.0 * way) - way) if back_and_forth else min(gone, way)
-    share = gone / way
-    return x + share * (end_x - x), y + share * (end_y - y)
 
 
 def moving_obstacles(model: Any) -> tuple[MovingObstacle, ...]:

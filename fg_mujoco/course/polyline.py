@@ -11,8 +11,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.kernels import kernel
 from ..messages import FloatArray
+from ..native import core
 
 MOST_POINTS = 200_000
 """Of a line: work on it grows with its points."""
@@ -72,6 +72,7 @@ def nearby(first: FloatArray, second: FloatArray, reach: float = 0.0) -> tuple[I
 
     These are the candidates of any pairwise test, without all n x m of them: indices into both, shape (k,) each.
     """
+    first, second = np.ascontiguousarray(first, np.float64), np.ascontiguousarray(second, np.float64)
     low, high = first.min(axis=1) - reach, first.max(axis=1) + reach
     other_low, other_high = second.min(axis=1), second.max(axis=1)
     starts = np.arange(0, len(second), _BLOCK)
@@ -80,34 +81,10 @@ def nearby(first: FloatArray, second: FloatArray, reach: float = 0.0) -> tuple[I
     blocks_low, blocks_high = np.minimum.reduceat(other_low, starts), np.maximum.reduceat(other_high, starts)
     boxes = low, high, other_low, other_high, blocks_low, blocks_high
     none = np.empty(0, dtype=np.intp)
-    count = _overlaps(boxes, none, none)
+    count = core.overlaps(*boxes, none, none)
     found_first, found_second = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
-    _overlaps(boxes, found_first, found_second)
+    core.overlaps(*boxes, found_first, found_second)
     return found_first, found_second
-
-
-@kernel
-def _overlaps(boxes: tuple[FloatArray, ...], found_first: IndexArray, found_second: IndexArray) -> int:
-    """Return the number of pairs of boxes that overlap, and write as many of them as there is room for.
-
-    Boxes are low and high corners (n, 2), (m, 2) and, of each _BLOCK of the second kind, (b, 2).
-    """
-    low, high, other_low, other_high, blocks_low, blocks_high = boxes
-    count = 0
-    for i in range(len(low)):
-        left, bottom, right, top = low[i, 0], low[i, 1], high[i, 0], high[i, 1]
-        for block in range(len(blocks_low)):
-            if blocks_low[block, 0] > right or blocks_high[block, 0] < left:
-                continue
-            if blocks_low[block, 1] > top or blocks_high[block, 1] < bottom:
-                continue
-            for j in range(block * _BLOCK, min((block + 1) * _BLOCK, len(other_low))):
-                across = other_low[j, 0] <= right and other_high[j, 0] >= left
-                if across and other_low[j, 1] <= top and other_high[j, 1] >= bottom:
-                    if count < len(found_first):
-                        found_first[count], found_second[count] = i, j
-                    count += 1
-    return count
 
 
 def crossings(first: FloatArray, second: FloatArray) -> tuple[IndexArray, IndexArray]:

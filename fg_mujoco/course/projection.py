@@ -9,101 +9,26 @@ shortest ways to the same wall, so that progress is continuous. At the tip of a 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..compiled.kernels import kernel
 from ..messages import FloatArray
+from ..native import core
 from .polyline import IndexArray, cross, nearby, runs
 
-_SEARCH = 1.5  # [m] to either side of the previous progress; a car at 20 m/s does 0.5 m in a tick of 25 ms
 _STEP = 0.1  # [m] between sections, at most
 _AROUND = 4.0  # distances to the wall: so far round a bend its sections may begin and end
 _SINGULAR = 0.1  # [m] by which the line is nearer to a section's end than its foot is, where a stretch has sections
 _ORDINARY = 1e-3  # [m] the same, where such a stretch begins and ends
-_TOUCH = 1e-9  # [m^2] a point this near to the line is on it
-_LEAP = 0.2  # [m] half of what the nearest place may leap at a corner of the line; smaller leaps are within _SEARCH
+_LEAP = 0.2  # [m] half of what the nearest place may leap at a corner of the line; smaller leaps are found all the same
 
+follow = core.follow
+"""Project a point x, y [m] from a hint: the nearest in a window, which moves on while the nearest is at its edge.
 
-@kernel
-def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -> tuple[float, float]:
-    """Project a point x, y [m] from a hint: the nearest in a window, which moves on while the nearest is at its edge.
-
-    `near` is its progress shortly before [m]; `table` and `modulus` are those of the Course. Returns the progress in
-    [0, modulus) [m], and the offset [m], left positive: the distance to the nearest place.
-    """
-    starts = table[0]
-    s, offset, segment = near, 0.0, 0
-    for _ in range(math.ceil(modulus / _SEARCH)):
-        centre = s % modulus
-        first = segment_at(starts, centre - _SEARCH)
-        nearest = math.inf
-        for i in range(first, len(starts)):
-            if starts[i] > centre + _SEARCH:
-                break
-            away_x, away_y, step_x, step_y = x - table[1, i], y - table[2, i], table[3, i], table[4, i]
-            share = min(max((away_x * step_x + away_y * step_y) / table[5, i], 0.0), 1.0)
-            foot_x, foot_y = away_x - share * step_x, away_y - share * step_y
-            squared = foot_x * foot_x + foot_y * foot_y
-            if squared < nearest:
-                nearest, segment = squared, i
-                s = starts[i] + share * math.sqrt(table[5, i])
-                offset = math.copysign(math.sqrt(squared), step_x * away_y - step_y * away_x)
-        if abs(s - centre) < 0.9 * _SEARCH:
-            break
-    if len(table) > 6:
-        s = _by_sections(x, y, s, segment, table, offset > 0.0)
-    return s % modulus, offset
-
-
-@kernel
-def segment_at(starts: FloatArray, s: float) -> int:
-    """Return the number of the last segment that starts at `s` or before; 0 where none does. `starts` is sorted."""
-    first, behind = 0, len(starts)  # bisection, as np.searchsorted, which takes numba longer to compile
-    while first < behind:
-        middle = (first + behind) // 2
-        if starts[middle] > s:
-            behind = middle
-        else:
-            first = middle + 1
-    return max(first - 1, 0)
-
-
-@kernel
-def has_sections(s: float, table: FloatArray) -> bool:
-    """Return whether the line has sections at a place in [0, modulus), on either side."""
-    if len(table) == 6:
-        return False
-    segment = segment_at(table[0], s)
-    return not (math.isnan(table[6, segment]) and math.isnan(table[8, segment]))
-
-
-@kernel
-def _by_sections(x: float, y: float, s: float, segment: int, table: FloatArray, on_left: bool) -> float:
-    """Return the progress of a point by the sections of the stretch of its nearest segment; without any, `s`."""
-    row, side = (6, 1.0) if on_left else (8, -1.0)
-    first = segment
-    while first >= 0 and not math.isnan(table[row, first]):
-        first -= 1
-    past, least = -1.0, len(table[0])
-    for i in range(first + 1, len(table[0])):
-        if first == segment or math.isnan(table[row, i]):
-            break
-        step_x, step_y, away_x, away_y = table[3, i - 1], table[4, i - 1], x - table[1, i], y - table[2, i]
-        aside_x, aside_y = table[row, i] - table[1, i], table[row + 1, i] - table[2, i]
-        before, past = past, side * (away_x * aside_y - away_y * aside_x)  # how far the point is past both sections
-        is_beside = side * (step_x * away_y - step_y * away_x) >= -_TOUCH  # and not beyond the wall:
-        is_beside &= away_x * aside_x + away_y * aside_y <= aside_x * aside_x + aside_y * aside_y
-        if before >= 0.0 > past and is_beside and abs(i - 1 - segment) < least:
-            least = abs(i - 1 - segment)
-            first_x, first_y = table[row, i - 1] - table[1, i - 1], table[row + 1, i - 1] - table[2, i - 1]
-            before /= abs(step_x * first_y - step_y * first_x)
-            after = -past / abs(step_x * aside_y - step_y * aside_x)
-            s = table[0, i - 1] + before / (before + after) * math.sqrt(table[5, i - 1])
-    return s
+Its arguments are x, y, the progress shortly before [m], and `table` and `modulus` of the Course. Returns the progress
+in [0, modulus) [m], and the offset [m], left positive: the distance to the nearest place."""
 
 
 def progress_by_sections(
@@ -114,7 +39,7 @@ def progress_by_sections(
         return s
     segment = np.searchsorted(table[0], s, side="right") - 1
     given = zip(points.tolist(), s.tolist(), segment.tolist(), (offset > 0.0).tolist(), strict=True)
-    return np.array([_by_sections(x, y, at, i, table, on_left) for (x, y), at, i, on_left in given]) % modulus
+    return np.array([core.by_sections(x, y, at, i, table, on_left) for (x, y), at, i, on_left in given]) % modulus
 
 
 def project_near(

@@ -176,7 +176,7 @@ class Scene(Shown):
         """Segments of the way that `follow` searches, read-only."""
         ahead, lengths = self._steps
         way = np.vstack((self.arc_length[:-1], self.way[:-1].T, ahead.T, lengths * lengths))
-        return read_only(with_sections(way, None, self._wall_sides, _WIDEST))
+        return read_only(np.ascontiguousarray(with_sections(way, None, self._wall_sides, _WIDEST)))
 
     def _wall_sides(self) -> tuple[FloatArray, FloatArray]:
         """Return the segments of the walls on the left of the way and on its right. Shapes (k, 2, 2) [m]."""

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MessageError, SettingsError
 from ..messages import CarParameters, FloatArray, shown
-from .reward_kernels import read_actions
+from ..native import core
 
 ACTIONS = (("steering", "steering_rate"), ("speed", "acceleration"))
 """What the two parts of an action may be [rad or rad/s, m/s or m/s^2]."""
@@ -168,7 +168,7 @@ class ActionReader:
         MessageError: a NaN, or another shape.
         """
         bounds = self.bounds
-        self.refuse(read_actions(
+        self.refuse(core.read_actions(
             self.given(actions), taken, bounds.limits, bounds.share, self.planned, bounds.slow, self._targets,
             self.previous, commands, clipped,
         ))  # fmt: skip
@@ -188,7 +188,7 @@ class ActionReader:
     def again(self, taken: NDArray[np.bool_], commands: FloatArray) -> None:
         """Write the commands (n, 2) of a further tick of the same actions."""
         bounds = self.bounds
-        read_actions(
+        core.read_actions(
             self.previous, taken, bounds.limits, bounds.share, self.planned, bounds.slow, self._targets,
             self.previous, commands, np.zeros(len(taken), np.int64),
         )  # fmt: skip

@@ -8,27 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.array_table import Table, flags, matrix, rows, table_at, whole_matrix, whole_numbers
-from ..compiled.kernels import kernel
-from ..messages import FloatArray
-from ..simulation import compiled_tick
-from ..simulation.compiled_tick import APART, ARRAYS, Addresses, layout_of
+from ..native import core
 from ..simulation.engine import Engine
-from ..simulation.world_step import FIRST_TIRE
-from ..vehicle.car import WHEELS
-from ..vehicle.motion import CAR
-from ..vehicle.tire_rows import USERDATA
 
 Mask = NDArray[np.bool_]
 
 ON_CONTACT = ("end", "stop", "continue")
-"""What the touch of a wall does; by number."""
-
-_STOP = ON_CONTACT.index("stop")
-_CRASHED, _STATES, _CARS, _PLACES, _CAR_PLACES = (
-    compiled_tick.NAMES.index(name) for name in ("crashed", "states", "cars", "places", "car_places")
-)
-_TIRES = USERDATA * len(WHEELS)
+"""What the touch of a wall does; by number, in the native core too."""
 
 
 class Contacts:
@@ -45,7 +31,7 @@ class Contacts:
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays that `take_contacts` takes, by their names in the table of a step."""
+        """The arrays of touches, by their names in the table of a step."""
         return {"contacts": self.counts, "touched_at": self.touched_at, "began": self.began}
 
     def begin(self, which: Mask) -> None:
@@ -59,43 +45,8 @@ class Contacts:
     def take(self) -> None:
         """Count the new touches of a tick before its races are judged."""
         for share in self._engine.shares:
-            _take_all(share.tables, share.firsts, self.number, self.counts, self.touched_at, self.began)
+            core.take_contacts(share.tables, share.firsts, self.number, self.counts, self.touched_at, self.began)
 
     def tell(self) -> None:
         """Write which cars began to touch something, after the races were judged."""
         self._engine.crashed[self.began] = True
-
-
-@kernel
-def take_contacts(
-    table: Table, first: int, how: int, counts: NDArray[np.int64], touched_at: FloatArray, began: Mask
-) -> None:
-    """Count new touches of cars whose rows begin at `first`, stop them (`how`, by ON_CONTACT), let them race on."""
-    crashed, states, cars = flags(table[_CRASHED]), matrix(table[_STATES]), rows(table[_CARS], CAR)
-    places, car_places = whole_numbers(table[_PLACES]), whole_matrix(table[_CAR_PLACES])
-    layout, m = layout_of(places), len(car_places)
-    for k in range(len(crashed)):
-        began[first + k] = False
-        if not crashed[k]:
-            continue
-        state, car = states[k // m], k % m
-        time = state[layout.time]
-        began[first + k] = time - touched_at[first + k] > APART
-        counts[first + k] += began[first + k]
-        touched_at[first + k], crashed[k] = time, False
-        if how == _STOP:
-            end = layout.qvel[1] if car == m - 1 else layout.qvel[0] + cars[k + 1].free_dof
-            state[layout.qvel[0] + cars[k].free_dof : end] = 0.0
-            tires = layout.userdata[0] + USERDATA * car_places[car, FIRST_TIRE]
-            if car_places[car, FIRST_TIRE] >= 0:
-                state[tires : tires + _TIRES] = 0.0
-
-
-@kernel
-def _take_all(
-    tables: Addresses, firsts: NDArray[np.int64], how: int, counts: NDArray[np.int64], touched_at: FloatArray,
-    began: Mask,
-) -> None:  # fmt: skip
-    """Do `take_contacts` for each of several tables; `firsts` are the first rows of their cars."""
-    for k in range(len(tables)):
-        take_contacts(table_at(tables[k], ARRAYS), firsts[k], how, counts, touched_at, began)

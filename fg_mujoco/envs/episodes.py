@@ -8,22 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..compiled.array_table import ArrayTable
+from ..array_table import ArrayTable
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
+from ..native import core
 from ..racing.planners import Value
 from ..racing.randomization import PARAMETERS, Randomization
-from ..simulation.compiled_tick import sense_all
 from ..simulation.settings import Start
 from ..simulation.slots import Share
 from ..simulation.termination import END_REASONS
-from . import compiled_step
+from .compiled_step import NAMES
 from .end_conditions import OTHER_CRASHED, as_end_conditions
 from .environment_settings import EnvironmentSettings
 from .episode_draws import EpisodeDraw
 from .observer import CAMERA, FLAT, Seen
 from .policy_interface import PolicyInterface
-from .reward_kernels import sum_terms
 from .rewards import write_values
 from .tick_state import TickState, leads, positions
 from .worlds import Mask, Worlds
@@ -106,8 +105,8 @@ class Episodes:
         self._waits = settings.ended_by == "all" and worlds.cars > 1
         self._ended_by_any = settings.ended_by == "any" and worlds.cars > 1
         self._before = self._progress.copy()  # [m] at the last reward
-        self._arrays = self._make_table()
-        self._table = self._arrays.rows
+        self._table = self._make_table()
+        self._compiled = core.StepArrays(self._table.address)
 
     def _make_table(self) -> ArrayTable:
         """Return the table of all arrays of a step."""
@@ -117,7 +116,7 @@ class Episodes:
             self.worlds.stride, bounds.share, bounds.slow, self._share, not self._others, self.observer.range_max,
             engine.substeps, 0.0 if contacts is None else contacts.number,
         )  # fmt: skip
-        return ArrayTable(compiled_step.NAMES, {
+        return ArrayTable(NAMES, {
             "running": engine.running, "timers": engine.monitor.timers, "crashed": engine.crashed,
             "reasons": engine.monitor.reasons, "telemetry": engine.telemetry, "held": engine.commands,
             "odometry": engine.odometry.view(np.float64).reshape(len(engine.commands), -1), "ranges": engine.ranges,
@@ -230,18 +229,18 @@ class Episodes:
             return
         given, shares = self.actions.given(actions), worlds.engine.shares
         if len(shares) == 1:
-            self.actions.refuse(compiled_step.step(self._table, shares[0].tables, shares[0].firsts, given))
+            self.actions.refuse(self._compiled.step(shares[0].tables, shares[0].firsts, given))
         else:
-            self.actions.refuse(compiled_step.act(self._table, given))
+            self.actions.refuse(self._compiled.act(given))
             self._sensed = sense = sense and worlds.tick_state is None  # which is of the tick that was driven
 
             def drive(share: Share) -> None:
-                compiled_step.drive_worlds(self._table, share.tables, share.firsts)
+                self._compiled.drive_worlds(share.tables, share.firsts)
                 if sense:
-                    sense_all(share.tables, share.firsts, self._every)
+                    core.sense_all(share.tables, share.firsts, self._every)
 
             worlds.engine.share_out(drive)
-            compiled_step.reward(self._table)
+            self._compiled.reward()
         if worlds.tick_state is not None:
             worlds.note(self.actions)
             worlds.follow(self._driven)
@@ -249,13 +248,13 @@ class Episodes:
 
     def command(self, actions: ArrayLike) -> None:
         """Convert actions to commands; MessageError: an action that is no number."""
-        self.actions.refuse(compiled_step.act(self._table, self.actions.given(actions)))
+        self.actions.refuse(self._compiled.act(self.actions.given(actions)))
         self.worlds.note(self.actions)
 
     def reward(self) -> None:
         """End the episodes that a condition ends, and reward the tick; SettingsError: a function's wrong answer."""
-        compiled_step.note(self._table, 0, len(self._driven))
-        compiled_step.reward(self._table)
+        self._compiled.note()
+        self._compiled.reward()
         if self.worlds.tick_state is not None:
             self._look(self.worlds.tick_state)
         if self._ended_by_any:
@@ -269,7 +268,7 @@ class Episodes:
         for index, term in enumerate(self._others, start=len(self._weights)):
             write_values(term, state, self._terms[0, index])
         if self._others:
-            bad = sum_terms(self._driven, self._running_costs, self._share, self.rewards, self._terms)
+            bad = core.sum_terms(self._driven, self._running_costs, self._share, self.rewards, self._terms)
             if bad >= 0:
                 index, car = divmod(bad, len(self.rewards))
                 name, value = self._others[index - len(self._weights)].name, self._terms[0, index, car]
@@ -291,7 +290,7 @@ class Episodes:
         worlds, (scan, numbers) = self.worlds, self.observer.room()
         if worlds.engine.compiled and self._planners is None and len(worlds.engine.shares) == 1:
             share, odometry = worlds.engine.shares[0], worlds.odometry
-            compiled_step.observe(self._table, share.tables, share.firsts, which, scan, numbers)
+            self._compiled.observe(share.tables, share.firsts, which, scan, numbers)
             self.actions.sense(odometry, which)
         else:
             if not self._sensed:
@@ -300,7 +299,7 @@ class Episodes:
             self.actions.sense(odometry, which)
             if self._planners is not None:
                 self._planners.decide(which, worlds.ranges, odometry)
-            compiled_step.read(self._table, scan, numbers)
+            self._compiled.read(scan, numbers)
         seen: Any = self.observer.seen(which, scan, numbers, worlds.sensed_state, worlds.readings, step=step)
         if self.camera is not None and step:
             seen = (seen if isinstance(seen, dict) else {FLAT: seen}) | {CAMERA: self.camera.draw(which)}

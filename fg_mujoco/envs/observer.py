@@ -12,13 +12,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.kernels import kernel
 from ..errors import SettingsError
 from ..messages import ODOMETRY, CarParameters, FloatArray, Reading
+from ..native import core
 from .actions import CarLimits
 from .observation_description import Observation, Part, even_beams
 from .observations import ACCELEROMETER_RANGE, SCALES, Bounds, ObservationTerm, Observed
-from .reward_kernels import read_sensors
 from .tick_state import SensedState
 
 Mask = NDArray[np.bool_]
@@ -165,7 +164,7 @@ class Observer:
           step: whether a step of the environment is over; else only the sensors have gone on for a tick.
         """
         scan, numbers = self.room()
-        read_sensors(
+        core.read_sensors(
             1, ranges, odometry.view(np.float64).reshape(self.count, -1), _NO_ACTIONS if actions is None else actions,
             _NO_ACTIONS if planned is None else planned, self._beams, self.range_max, self._columns, self._low,
             self._high, scan, numbers,
@@ -272,7 +271,7 @@ class Frames:
             chosen = np.flatnonzero(np.isin(columns, [list(raw).index(name) for name in names]))
             self._memories.append((names, Memory(count, chosen, *span)))
         ends = np.stack((self._low, self._high))
-        scale(np.ones(2, np.bool_), self._scale, self._saturates, ends)
+        core.scale(np.ones(2, np.bool_), self._scale, self._saturates, ends)
         shaped = self._shaped([np.repeat(ends[:, np.newaxis, m.columns], m.length, axis=1) for _, m in self._memories])
         self.bounds: dict[str, Bounds] | Bounds
         if isinstance(shaped, dict):
@@ -289,9 +288,9 @@ class Frames:
 
     def read(self, which: Mask, parts: Observed, step: bool) -> Seen:
         """Return the observations, after the parts (n, ...) were read anew for the cars `which` (n,)."""
-        frame = np.concatenate(list(parts.values()), axis=1)
+        frame = np.ascontiguousarray(np.concatenate(list(parts.values()), axis=1))
         if len(self._delayed[0]) > 1:
-            shift(which, self._fresh, frame, self._delayed, self._delays)
+            core.shift(which, self._fresh, frame, self._delayed, self._delays)
         if len(self._noisy):
             for row in np.flatnonzero(which).tolist():
                 generator = self._generators[row]
@@ -299,7 +298,7 @@ class Frames:
                 frame[row, self._noisy] += self._noise[self._noisy] * generator.standard_normal(len(self._noisy))
             np.clip(frame, self._low, self._high, out=frame)
         if step:
-            scale(which, self._scale, self._saturates, frame)
+            core.scale(which, self._scale, self._saturates, frame)
             for _, memory in self._memories:
                 memory.write(which, self._fresh, frame)
             self._fresh[which] = False
@@ -331,65 +330,13 @@ class Memory:
 
     def write(self, which: Mask, fresh: Mask, frame: Values) -> None:
         """Remember the frames (n, all columns) of the cars `which` (n,); those of `fresh` ones are all that was."""
-        remember(which, fresh, frame, self.columns, self._ring, self._last)
+        core.remember(which, fresh, frame, self.columns, self._ring, self._last)
 
     def read(self) -> Values:
         """Return the steps of all cars, the oldest first, a new array. Shape (n, length, width)."""
         found = np.empty((len(self._ring), self.length, len(self.columns)), np.float32)
-        recall(self._ring, self._last, self._every, found)
+        core.recall(self._ring, self._last, self._every, found)
         return found
-
-
-@kernel
-def shift(which: Mask, fresh: Mask, frame: Values, delayed: NDArray[np.float32], delays: NDArray[np.int64]) -> None:
-    """Put a tick's frames (n, width) into their ring, newest first; write to them those `delays` (width,) ticks old."""
-    ticks = delayed.shape[1]
-    for i in range(len(which)):
-        if which[i]:
-            for k in range(frame.shape[1]):
-                for tick in range(ticks - 1, 0, -1):
-                    delayed[i, tick, k] = frame[i, k] if fresh[i] else delayed[i, tick - 1, k]
-                delayed[i, 0, k] = frame[i, k]
-        for k in range(frame.shape[1]):
-            frame[i, k] = delayed[i, delays[k], k]
-
-
-@kernel
-def scale(which: Mask, scales: Values, saturates: Mask, frame: Values) -> None:
-    """Scale the frames (n, width). Where `saturates` (width,) is set, x becomes x / (1 + x), without a scale."""
-    for i in range(len(which)):
-        if which[i]:
-            for k in range(frame.shape[1]):
-                if saturates[k]:
-                    frame[i, k] = frame[i, k] / (np.float32(1.0) + frame[i, k])
-                else:
-                    frame[i, k] *= scales[k]
-
-
-@kernel
-def remember(
-    which: Mask, fresh: Mask, frame: Values, columns: NDArray[np.int64], ring: NDArray[np.float32],
-    last: NDArray[np.int64],
-) -> None:  # fmt: skip
-    """Write some columns of the frames (n, all) to the rings (n, places, width); the first one fills all places."""
-    places = ring.shape[1]
-    for i in range(len(which)):
-        if which[i]:
-            last[i] = (last[i] + 1) % places
-            for place in range(places) if fresh[i] else range(last[i], last[i] + 1):
-                for k in range(len(columns)):
-                    ring[i, place, k] = frame[i, columns[k]]
-
-
-@kernel
-def recall(ring: NDArray[np.float32], last: NDArray[np.int64], every: int, found: NDArray[np.float32]) -> None:
-    """Write to `found` (n, length, width) what the rings (n, places, width) have, the oldest first."""
-    places = ring.shape[1]
-    for i in range(len(ring)):
-        for step in range(found.shape[1]):
-            place = (last[i] + 1 + step * every) % places
-            for k in range(found.shape[2]):
-                found[i, step, k] = ring[i, place, k]
 
 
 _NO_ACTIONS = np.zeros((0, 2))

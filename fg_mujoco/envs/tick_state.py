@@ -20,26 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Suggesting
-from ..compiled.array_table import ArrayTable, Table, flags, matrix, numbers, rows, whole_numbers
-from ..compiled.kernels import kernel
+from ..array_table import ArrayTable
 from ..course.clearance import clearances
 from ..course.course import outline, wall_outlines
-from ..course.lap_timer import LAP_TIMER
-from ..course.projection import segment_at
 from ..messages import CarParameters, FloatArray
+from ..native import core
 from ..simulation.engine import Engine
-from ..simulation.telemetry import STATISTICS, TELEMETRY
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World
 
 Mask = NDArray[np.bool_]
 Whole = NDArray[np.int64]
 
-_FINISHED, _ROLLED_OVER = END_REASONS.index("finished"), END_REASONS.index("rolled_over")
-_SLIDING_STEPS = TELEMETRY.index("sliding_steps")
-_AHEAD, _LEFT, _TURNING, _ANGLE = (
-    TELEMETRY.index(name) for name in ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_angle_rad")
-)
+_FINISHED = END_REASONS.index("finished")
 
 
 class Ground:
@@ -50,8 +43,8 @@ class Ground:
 
     def heading_errors(self, poses: FloatArray, places: FloatArray) -> FloatArray:
         """Return the angles (n,) [rad] from the course at `places` (n,) [m] to headings of `poses` (n, 3), left +."""
-        errors = np.empty(len(poses))  # kernels take arrays only that can be written to
-        _heading_errors(np.array(poses), np.array(places), self._course.table, errors)
+        errors = np.empty(len(poses))
+        core.heading_errors(np.ascontiguousarray(poses), np.ascontiguousarray(places), self._course.table, errors)
         return errors
 
     def curvatures(self, places: FloatArray, ahead: Sequence[float]) -> FloatArray:
@@ -243,12 +236,12 @@ class TickStates:
         self._all_before[:] = self._all_now
         self._driven[:] = driven
         self._read_motions()
-        _note_slips(self._table.rows, self._driven)
+        core.note_slips(self._table.address, self._driven)
 
     def judge(self) -> None:
         """Read what the race monitor says of the cars that were driven."""
         engine = self._engine
-        _judge(self._table.rows, self._driven, engine.substeps)
+        core.note_judged(self._table.address, self._driven, engine.substeps)
         if engine.cars_per_world > 1:
             np.copyto(self._now["position"], positions(engine), where=self._driven)
             np.copyto(self._now["lead"], leads(engine), where=self._driven)
@@ -312,50 +305,3 @@ _JUDGED = (
     "rolled_over", "finished", "touches",
 )  # fmt: skip
 _NAMES = (*_JUDGED, "timers", "commands", "actions", "telemetry", "crashes", "reasons", "statistics", "wheelbases")
-(
-    _TIME, _PROGRESS, _PLACE, _OFFSET, _LAPS, _COMMAND, _ACTION, _SLIP_SPEED, _SLIDING, _CRASHED, _OVER, _DONE,
-    _TOUCHES, _TIMERS, _COMMANDS, _ACTIONS, _TELEMETRY, _CRASHES, _REASONS, _STATISTICS, _WHEELBASES,
-) = range(len(_NAMES))  # fmt: skip
-
-
-@kernel
-def _judge(table: Table, driven: Mask, substeps: int) -> None:
-    """Write what the race monitor says of the cars `driven` (r,), and how their tires slid."""
-    timers, telemetry = rows(table[_TIMERS], LAP_TIMER), matrix(table[_TELEMETRY])
-    reasons = whole_numbers(table[_REASONS])
-    for row in range(len(driven)):
-        if not driven[row]:
-            continue
-        timer, tires = timers[row], telemetry[row]
-        numbers(table[_TIME])[row], numbers(table[_PROGRESS])[row] = timer.time, timer.progress
-        numbers(table[_PLACE])[row], numbers(table[_OFFSET])[row] = timer.place, timer.offset
-        whole_numbers(table[_LAPS])[row] = timer.laps_completed
-        for part in range(2):
-            matrix(table[_COMMAND])[row, part] = matrix(table[_COMMANDS])[row, part]
-            matrix(table[_ACTION])[row, part] = matrix(table[_ACTIONS])[row, part]
-        numbers(table[_SLIDING])[row] = tires[_SLIDING_STEPS] / substeps
-        flags(table[_CRASHED])[row], flags(table[_DONE])[row] = flags(table[_CRASHES])[row], reasons[row] == _FINISHED
-        flags(table[_OVER])[row] = reasons[row] == _ROLLED_OVER
-        whole_numbers(table[_TOUCHES])[row] = rows(table[_STATISTICS], STATISTICS)[row].touches
-
-
-@kernel
-def _note_slips(table: Table, driven: Mask) -> None:
-    """Write how fast the axles of the cars `driven` (r,) slipped at the start of a tick, the mean of both."""
-    telemetry, wheelbases, slips = matrix(table[_TELEMETRY]), numbers(table[_WHEELBASES]), numbers(table[_SLIP_SPEED])
-    for row in range(len(driven)):
-        if driven[row]:
-            rear, angle = telemetry[row, _LEFT], telemetry[row, _ANGLE]
-            turned = rear + wheelbases[row] * telemetry[row, _TURNING]
-            front = turned * math.cos(angle) - telemetry[row, _AHEAD] * math.sin(angle)
-            slips[row] = 0.5 * (abs(front) + abs(rear))
-
-
-@kernel
-def _heading_errors(poses: FloatArray, places: FloatArray, table: FloatArray, errors: FloatArray) -> None:
-    """Write the angles from the direction of the course at `places` (n,) to the headings of `poses` (n, 3)."""
-    starts = table[0]
-    for i in range(len(poses)):
-        segment = segment_at(starts, places[i])
-        error = poses[i, 2] - math.atan2(table[4, segment], table[3, segment])
-        errors[i] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)

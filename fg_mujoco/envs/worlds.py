@@ -191,7 +191,7 @@ class Worlds:
             self._states.actions[self.rows] = actions.from_minus_1_to_1
 
     def follow(self, driven: Mask) -> None:
-        """Take note of a tick for which kernels alone have driven the agents `driven` (a,), and judged them."""
+        """Take note of a tick for which compiled code alone has driven the agents `driven` (a,), and judged them."""
         if self._states is not None:
             self._states.drive(driven & ~self.engine.failed)
             self._states.judge()

@@ -18,7 +18,7 @@ Column = Callable[[str], FloatArray]
 """Returns a column of the telemetry by its name."""
 
 _LEAST_ACCELERATION = 0.5  # [m/s^2] lateral; below it an understeer gradient is a quotient of two small numbers
-_STANDING = 0.05  # [m/s] as termination.STANDING_SPEED
+_STANDING = 0.05  # [m/s] as in native/simulation/termination.cpp
 
 
 def handling(run: RaceResult | Run) -> dict[str, float]:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import math
-import pickle
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib.resources import as_file, files
@@ -16,11 +13,11 @@ import mujoco
 import numpy as np
 
 from ..arguments import explain_class
-from ..compiled.kernel_files import cache_folder, read_kept, write_kept
 from ..course.files import read_text
 from ..course.mjcf import MOST_MJCF, checked_mjcf, show_as_drawn
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
+from ..kept import kept
 from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
 
 DEFAULT_LIDAR = "hokuyo_ust10lx.xml"
@@ -264,9 +261,13 @@ def _read(file: str, source: Path) -> LidarModel:
 def _checked(file: str, text: str) -> LidarModel:
     """Return the LiDAR of an MJCF text that keeps what is asked of one."""
     lidar, where = LidarModel(file=file, text=text), f"LiDAR file {file}"
-    kept = _kept_file(text)
-    if kept is not None and lidar._take(read_kept(kept)):
-        return lidar
+    key = (text, mujoco.__version__, Path(__file__).read_bytes())  # a thousand beams take MuJoCo a tenth of a second
+    kept("lidar", key, lambda: _made(lidar, where), lidar._take)
+    return lidar
+
+
+def _made(lidar: LidarModel, where: str) -> tuple[Any, str]:
+    """Return what MuJoCo makes of a LiDAR that keeps what is asked of one: its model, and its MJCF without sensors."""
     try:
         spec, model = lidar._parsed, lidar._model
     except ValueError as error:
@@ -288,20 +289,10 @@ def _checked(file: str, text: str) -> LidarModel:
             f"{beams.angle_increment} rad between beams; accepted: 0 <= range_min < cutoff, an interval above 0, "
             "the rightmost beam first"
         )
-    if kept is not None:
-        write_kept(kept, pickle.dumps((model, lidar._without_sensors.to_xml())))
-    return lidar
+    return model, lidar._without_sensors.to_xml()
 
 
 def _number(model: Any, name: str, otherwise: float) -> float:
     """Return a numeric of a model, or what counts where there is none."""
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
     return otherwise if found < 0 else float(model.numeric_data[model.numeric_adr[found]])
-
-
-def _kept_file(text: str) -> Path | None:
-    """Return the file of what MuJoCo made of a LiDAR's MJCF: a thousand beams take it a tenth of a second."""
-    with contextlib.suppress(OSError):
-        key = (text, mujoco.__version__, Path(__file__).read_bytes())
-        return cache_folder() / f"lidar-{hashlib.sha256(repr(key).encode()).hexdigest()[:32]}"
-    return None

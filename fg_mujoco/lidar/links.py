@@ -25,7 +25,7 @@ LINK = np.dtype(
         ("frame", np.int64),  # place among the bodies that are asked for; -1: none of them
     ]
 )
-"""A body with one joint at most; one of several joints is several links. `in_kernels.place_links` takes rows of it."""
+"""A body with one joint at most; one of several joints is several links. native/lidar/links.cpp places them."""
 
 LinkRows = NDArray[np.void]
 

@@ -5,12 +5,11 @@
         clock.time(engine.decide)
     DecisionTimes.of(clock.seconds, period=0.025)
 
-A decision is all that is between a scan and its command: the planner, and the messages to and from it. The time in
-which numba compiles kernels, or this package reads them from disk, is not counted.
+A decision is all that is between a scan and its command: the planner, and the messages to and from it.
 
 In the main thread a timer of the system (SIGALRM) interrupts a planner that takes longer than the limit. It ends loops
 in Python, and waiting: `time.sleep`, locks, sockets. It cannot interrupt compiled code that does not come back to
-Python, as an endless loop in C or in a numba kernel, nor a planner that catches BaseException and goes on. In other
+Python, as an endless loop in C, nor a planner that catches BaseException and goes on. In other
 threads, and on systems without this timer, the limit is checked when the planner has answered.
 """
 
@@ -26,7 +25,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..compiled.kernels import CompileTime
 from ..errors import DecisionLimitReached
 
 _Answer = TypeVar("_Answer")
@@ -105,14 +103,12 @@ class DecisionClock:
     def __init__(self, limit: float | None = None) -> None:
         self.seconds: list[float] = []
         self.limit = math.inf if limit is None else limit
-        self._compile_time = CompileTime()
         self._deciding = False
-        self._began = self._compiled = 0.0
+        self._began = 0.0
         in_main = threading.current_thread() is threading.main_thread()
         self._interrupts = limit is not None and in_main and hasattr(signal, "setitimer")
 
     def __enter__(self) -> DecisionClock:
-        self._compile_time.__enter__()
         if self._interrupts:
             self._handler_before = signal.signal(signal.SIGALRM, self._interrupt)
         return self
@@ -121,7 +117,6 @@ class DecisionClock:
         if self._interrupts:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._handler_before or signal.SIG_DFL)
-        self._compile_time.__exit__()
 
     def time(self, decide: Callable[[], _Answer]) -> _Answer:
         """Call what decides, keep how long it took, and return its answer.
@@ -129,7 +124,7 @@ class DecisionClock:
         Raises:
           DecisionLimitReached: it took longer than the limit.
         """
-        self._began, self._compiled = time.perf_counter(), self._compile_time.seconds
+        self._began = time.perf_counter()
         self._deciding = True
         if self._interrupts:
             signal.setitimer(signal.ITIMER_REAL, self.limit, _AGAIN)
@@ -148,7 +143,7 @@ class DecisionClock:
         return answer
 
     def note(self, seconds: float) -> None:
-        """Keep how long a decision took that was timed otherwise, in compiled code.
+        """Keep how long a decision took that was timed otherwise, in the native core.
 
         Raises:
           DecisionLimitReached: it took longer than the limit.
@@ -159,10 +154,10 @@ class DecisionClock:
 
     @property
     def _elapsed(self) -> float:
-        """Time since the decision began, without compiling [s]."""
-        return time.perf_counter() - self._began - (self._compile_time.seconds - self._compiled)
+        """Time since the decision began [s]."""
+        return time.perf_counter() - self._began
 
     def _interrupt(self, *signal_and_frame: object) -> None:
         """Handle the timer's signal."""
-        if self._deciding and self._elapsed >= self.limit and not self._compile_time.running:
+        if self._deciding and self._elapsed >= self.limit:
             raise DecisionLimitReached

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import explain_class
-from ..compiled.kernels import CompileTime
 from ..course.course import Course
 from ..course.files import kept_folder
 from ..errors import DecisionLimitReached, SettingsError
@@ -37,7 +36,7 @@ from .decision_times import DecisionClock, DecisionTimes
 from .entries import Entry
 from .planner_origin import Files, origin, planner_files, source_code
 from .planners import split_controller
-from .resolved import Resolved, kernels_beside
+from .resolved import Resolved
 from .result import (
     CarResult,
     History,
@@ -57,7 +56,8 @@ if TYPE_CHECKING:
     from ..simulation.planner_failure import PlannerFailure
 
 _LATE = END_REASONS.index("decision_limit")
-_AT_ONCE = 40  # ticks of a compiled call: 4 ms
+_AT_ONCE = 40  # ticks of a call at most, if they are quick
+_QUICK = 0.01  # [s] of wall time for a call
 _WATCHED_EVERY = 0.05  # [s] of wall time
 
 
@@ -133,12 +133,7 @@ def race_setup(
       watch: called between ticks, at most 20 times a second of wall time, and after the last one.
       each_tick: `watch` is called after every tick.
     """
-    with kernels_beside(setup):
-        return _race(setup, watch, 0.0 if each_tick else _WATCHED_EVERY)
-
-
-def _race(setup: Setup, watch: Callable[[RaceProgress], None] | None, every: float) -> RaceResult:
-    """Race what a setup says and call `watch` `every` so often [s]; arguments and errors are those of `race_setup`."""
+    every = 0.0 if each_tick else _WATCHED_EVERY  # [s]
     raced = Resolved.of(setup)
     world, entries, names, alone = raced.world, raced.entries, raced.names, len(raced.entries) == 1
     if not alone:
@@ -165,9 +160,8 @@ def _race(setup: Setup, watch: Callable[[RaceProgress], None] | None, every: flo
     history, control = History(engine), race_control(engine, names=names, rules=setup.rules)
 
     started = time.perf_counter()
-    with CompileTime() as compiling:
-        ended = _drive(engine, history, control, clock, watch, every)
-    wall_time = time.perf_counter() - started - compiling.seconds
+    ended = _drive(engine, history, control, clock, watch, every)
+    wall_time = time.perf_counter() - started
     control.finish()
 
     order, trajectory, failures = control.order(), history.arrays(), engine.planners.failures
@@ -218,12 +212,12 @@ def _drive(
     one = engine.cars_per_world == 1
     alone = one and not control.puts_back_at_walls
     ended = np.full(engine.cars_per_world, -1)  # -1: it goes on
-    watched = -math.inf  # when that was [s]
+    watched, at_once, now = -math.inf, 1, time.perf_counter()  # when that was [s]; ticks of a call
     try:
         with clock:
             while running.any():
                 if alone:
-                    engine.tick(clock=clock, history=history, most=_AT_ONCE if every > 0.0 else 1)
+                    engine.tick(clock=clock, history=history, most=at_once)
                 else:
                     driven = engine.tick(clock=clock if one else None)
                     ended[(ended < 0) & ~driven] = history.ticks
@@ -231,7 +225,8 @@ def _drive(
                         control.after_tick()
                         history.append()
                     ended[(ended < 0) & ~running] = history.ticks
-                now = time.perf_counter()
+                began, now = now, time.perf_counter()
+                at_once = min(2 * at_once, _AT_ONCE) if every > 0.0 and now - began < _QUICK else 1
                 if watch is not None and (now - watched >= every or not running.any()):
                     watched = now
                     watch(

@@ -10,14 +10,12 @@ their own on a Ground.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from .. import from_addons
-from ..compiled.beside import beside
 from ..course.course import Course, laps_to_drive, wall_outlines
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle
@@ -27,7 +25,6 @@ from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.world import World
 from .entries import Entry, check_starts, entry_planner, grid_starts
-from .planners import PLANNERS, split_controller
 from .setup import Setup
 
 
@@ -175,20 +172,3 @@ class Resolved:
             odometry_drifts=[entry.odometry_drift for entry in self.entries],
             sensors=[entry.sensed for entry in self.entries],
         )  # fmt: skip
-
-
-def kernels_beside(setup: Setup) -> AbstractContextManager[None]:
-    """Return a context in which another process compiles the planners' kernels, while this one compiles the engine's.
-
-    A user's planner is not run a second time for that.
-    """
-    sources = [split_controller(entry.controller, None)[0] for entry in setup.entries]
-    bundled = all(isinstance(each, str) and each in PLANNERS for each in sources)
-    return beside(_compile_planners, setup) if bundled else nullcontext()
-
-
-def _compile_planners(setup: Setup) -> None:
-    """Compile the kernels of the planners of a setup."""
-    for planner in Resolved.of(setup).build_planners():
-        if hasattr(planner, "compile"):
-            planner.compile()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
-from ..compiled.array_table import ArrayTable, Table
+from ..array_table import ArrayTable
 from ..display import Shown, brief, quoted
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
@@ -236,7 +236,7 @@ class RaceResult(Shown):
     warnings: tuple[Warned, ...]  # of race control
     restarts: tuple[Restart, ...]
     sim_time_s: float  # until the last car's race was over
-    wall_time_s: float  # without compiling kernels, and loading them
+    wall_time_s: float  # of the drive
     realtime_factor: float  # sim_time_s / wall_time_s
     trajectory_sha256: str  # of all states and controls, bit for bit
     world: World = field(repr=False)
@@ -364,13 +364,13 @@ class History:
         self._telemetry[tick], self._states[tick + 1], self._ctrl[tick] = telemetry, state, ctrl
         self._ticks[0] = tick + 1  # last: an interrupted tick leaves no row
 
-    def room(self, ticks: int) -> Table:
+    def room(self, ticks: int) -> ArrayTable:
         """Return a table of compiled_tick.KEPT, in which compiled code keeps so many more ticks."""
         self._make_room(ticks)
         if self._table is None:
             rows = {"telemetry": self._telemetry, "states": self._states, "controls": self._ctrl}
             self._table = ArrayTable(KEPT, {"ticks": self._ticks, **rows})
-        return self._table.rows
+        return self._table
 
     def _make_room(self, ticks: int = 1) -> None:
         """See to it that so many more ticks have room, which are fewer than the capacity at first."""

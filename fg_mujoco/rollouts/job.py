@@ -20,7 +20,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.kernels import package_files
 from ..course.course import Course, Sites, laps_to_drive
 from ..course.definitions import course_sha256
 from ..course.files import kept_folder
@@ -28,6 +27,7 @@ from ..course.obstacles import Obstacle, described_obstacles
 from ..errors import ControllerError, SettingsError
 from ..messages import require_whole
 from ..native import core
+from ..package_files import package_files
 from ..racing.entries import check_starts
 from ..racing.opponents import Opponents, entry_of
 from ..racing.planner_origin import Files, by_name, planner_files
@@ -301,7 +301,6 @@ def versions() -> dict[str, str]:
         "fg_mujoco_version": version("fg-mujoco"),
         "mujoco_version": mujoco.__version__,
         "numpy_version": np.__version__,
-        "numba_version": version("numba"),
         "native_sources_sha256": core.SOURCES,
         "sources_sha256": sources.hexdigest(),
         "platform": f"{platform.system()}-{platform.machine()}",

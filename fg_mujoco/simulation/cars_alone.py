@@ -47,14 +47,14 @@ def without_course(xml: str) -> str:
 
 _OF_CARS = (
     "tires", "gears", "row_counts", "row_starts", "inertia_columns", "wheels", "pairs", "car_places", "touch_places",
-    "links", "offset_positions", "offset_rotations", "bodies", "fields", "sizes",
+    "links", "offset_positions", "offset_rotations", "bodies", "sizes",
 )  # fmt: skip
 _ROOM = ("scratch", *Scratch._fields)
 """Of the arrays of a compiled tick: those that the same cars have in all worlds, and those that are calculated in."""
 
 
 class CarsAlone(Uncopied):
-    """A model of some cars without a course, and its data, for one thread; `addresses` of both, for kernels."""
+    """A model of some cars without a course, and its data, for one thread; `addresses` of both."""
 
     def __init__(self, xml: str, cars: Sequence[Car]) -> None:
         self._model = mujoco.MjModel.from_xml_string(xml)

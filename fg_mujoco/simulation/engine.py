@@ -28,19 +28,11 @@ from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
 from ..messages import NO_READINGS, FloatArray, LaserScan, Reading
+from ..native import core
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.motion import ground_speed, point_motion
-from .compiled_tick import (
-    NO_NUMBERS,
-    NOTHING_KEPT,
-    drive_all,
-    judge_all,
-    read_all,
-    read_motions_all,
-    read_times,
-    sense_all,
-)
+from .compiled_tick import NO_NUMBERS, NOTHING_KEPT
 from .physics import whole_steps
 from .planner_adapter import BatchPlanners, Calls, Clock, Keeper, OtherCar, Planners, Reasons, Surroundings, up_of
 from .settings import Start
@@ -81,7 +73,7 @@ class Engine(Uncopied):
       no_messages: whether the ranges of a car are all that is read of its scans, so that they are not in `scans`, from
         when it is placed on, (r,); False unless somebody says so.
       monitor: RaceMonitor of the races.
-      shares: of the worlds, for kernels that do more than one of the five verbs in a call.
+      shares: of the worlds, for what does more than one of the five verbs in a call.
       planners: whose `decide` is called; None: somebody else writes the commands.
       before_substep, after_substep: hooks around each physics step. What the first write to `state` is stepped from.
 
@@ -181,7 +173,7 @@ class Engine(Uncopied):
         """Simulated in each world since its cars were placed, a copy. Shape (n,) [s]."""
         times = np.empty(self.count)
         for share in self.shares:
-            read_times(share.tables, share.firsts, times)
+            core.read_times(share.tables, share.firsts, times)
         return times
 
     def time(self, i: int) -> float:
@@ -238,7 +230,7 @@ class Engine(Uncopied):
     def read_motions(self, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
         """Write the true poses (r, 3) and velocities (r, 3) of the cars `which` (r,), see `motion.read_motions`."""
         for share in self.shares:
-            read_motions_all(share.tables, share.firsts, which, poses, velocities)
+            core.read_motions_all(share.tables, share.firsts, which, poses, velocities)
 
     def surroundings(self, row: int) -> Surroundings:
         """Return the surroundings of a car: its world, all cars, whether it touches something, and its tilt."""
@@ -428,8 +420,8 @@ class Engine(Uncopied):
         if which is None and self.cars_per_world > 1 and not self.running.all():  # who stands there has telemetry, too
             others = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
             if others.any():
-                self.share_out(lambda share: read_all(share.tables, share.firsts, others))
-        self.share_out(lambda share: sense_all(share.tables, share.firsts, chosen))
+                self.share_out(lambda share: core.read_all(share.tables, share.firsts, others))
+        self.share_out(lambda share: core.sense_all(share.tables, share.firsts, chosen))
         if self._sensing is None and not self._drawn:
             self._sense_in_python()
         if self._sensing is not None:
@@ -437,11 +429,11 @@ class Engine(Uncopied):
 
     def read_odometry(self, which: Mask) -> None:
         """Take the odometry of cars, (r,), and what begins their rows of telemetry, without their scans."""
-        self.share_out(lambda share: read_all(share.tables, share.firsts, which))
+        self.share_out(lambda share: core.read_all(share.tables, share.firsts, which))
 
     @property
     def compiled(self) -> bool:
-        """Whether kernels alone do all of `sense`, `drive` and `judge`, with worlds of one car."""
+        """Whether compiled code alone does all of `sense`, `drive` and `judge`, with worlds of one car."""
         hooks = self.before_substep or self.after_substep
         return self._drawn and self._sensing is None and not hooks and self.cars_per_world == 1
 
@@ -468,7 +460,7 @@ class Engine(Uncopied):
             for batch in self._batches:
                 self._drive_in_steps(batch, controls)
         else:
-            self.share_out(lambda share: drive_all(share.tables))
+            self.share_out(lambda share: core.drive_all(share.tables))
         if self.failed.any():
             self.monitor.end(self.failed & self.running, "failed")
 
@@ -479,7 +471,7 @@ class Engine(Uncopied):
         """
         raced = self.running.copy() if self.cars_per_world > 1 else None
         for share in self.shares:
-            judge_all(share.tables)
+            core.judge_all(share.tables)
         if raced is not None and np.count_nonzero(self.running) < np.count_nonzero(raced):
             for row in map(int, np.flatnonzero(raced & ~self.running & (self.monitor.reasons == _FINISHED))):
                 batch, place = self._place_of(row // self.cars_per_world)
@@ -521,7 +513,6 @@ class Engine(Uncopied):
         if self._called is not self.planners:
             self._called, self._calls, batch = self.planners, None, self._batches[0]
             if isinstance(self.planners, BatchPlanners) and len(self._batches) == 1 and batch.ticks_at_once:
-                batch.compile_tick()  # before the planners' kernels, which another process may be compiling
                 self._calls = self.planners.compiled_calls(self)
         return self._calls
 
@@ -535,10 +526,10 @@ class Engine(Uncopied):
         try:
             how, count = self._batches[0].tick(calls, limit, kept, took, self._waiting)
         except BaseException as error:
-            if not is_of_planner(error):
-                raise
             self.running |= self._waiting
             self._waiting[:] = False
+            if not is_of_planner(error):
+                raise
             failed_at = int(took.argmin())  # the only one below 0
             took[failed_at] += time.perf_counter()
             _note(clock, took[: failed_at + 1])
@@ -591,7 +582,7 @@ class Engine(Uncopied):
         batch.book(ids)
 
     def share_out(self, work: Callable[[Share], None]) -> None:
-        """Do some work on each share of the worlds, each in a thread; kernels run without the GIL."""
+        """Do some work on each share of the worlds, each in a thread; the native core runs without the GIL."""
         if self._pool is None:
             for share in self.shares:
                 work(share)

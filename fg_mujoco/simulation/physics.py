@@ -1,4 +1,4 @@
-"""Many states of one model, stepped in C: MuJoCo's batch functions, called from Python and from kernels.
+"""Many states of one model, stepped in C: MuJoCo's batch functions, called from Python and from the native core.
 
 The bits of each state are those that `mujoco.mj_step` gives it alone. What one state raises, such as a stack that is
 too small, fails that state only.
@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Uncopied
-from ..compiled.kernels import kernel, library_function
 from ..errors import EngineError, ModelError
 from ..messages import FloatArray
-from ..vehicle.mujoco_stages import library_path
+from ..vehicle.mujoco_library import LIBRARY_PATH
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """The parts of a state: all that the next step depends on."""
@@ -57,7 +56,7 @@ class _Config(ctypes.Structure):
     _fields_ = (("nthread", ctypes.c_int), ("persistent", ctypes.c_ubyte))
 
 
-_LIBRARY = ctypes.CDLL(library_path())
+_LIBRARY = ctypes.CDLL(LIBRARY_PATH)
 
 _ADDRESS, _INT = ctypes.c_void_p, ctypes.c_int
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -79,18 +78,6 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 for _name, (_result, _arguments) in _FUNCTIONS.items():
     _function = getattr(_LIBRARY, _name)
     _function.restype, _function.argtypes = _result, _arguments
-
-
-_apply = library_function(
-    library_path(), "mjb_apply", "int32", "uintp", "uintp", "int32", "uintp", "uintp", "int32"
-)  # fmt: skip
-
-
-@kernel
-def apply_to_states(batch: int, ids: NDArray[np.int32], count: int, function: int, argument: int) -> int:
-    """Call a function of C, of a `kernels.c_function`, for `count` states of `ids`; return for how many it failed."""
-    failed: int = _apply(batch, ids.ctypes.data, count, function, argument, 1)
-    return failed
 
 
 def span_of(model: mujoco.MjModel, part: mujoco.mjtState) -> tuple[int, int]:
@@ -121,7 +108,7 @@ class Batch:
     """States of one model, copied, that are stepped together. Arrays are live.
 
     Attributes:
-      address, first: of the batch, for `apply_to_states`, and the number that state 0 has there.
+      address, first: of the batch, and the number that state 0 has there.
       states: (n, k) as mj_getState has them with STATE: what is written here is stepped from.
       sensors: (n, nsensordata) after the last step or forward pass.
       records: (n, steps, nsensordata) room for the sensors of each step of a tick.

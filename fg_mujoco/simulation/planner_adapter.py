@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.array_table import Table
+from ..array_table import ArrayTable
 from ..course.files import kept_folder
 from ..errors import ControllerError, DecisionLimitReached, PlannerError, is_of_planner
 from ..lidar.beams import Beams
@@ -31,7 +31,6 @@ from ..messages import (
     Odometry,
     Reading,
 )
-from .compiled_tick import not_finite
 from .termination import END_REASONS
 from .world import World
 
@@ -65,7 +64,7 @@ class Keeper(Protocol):
     def append(self) -> None:
         """Keep the tick that was driven."""
 
-    def room(self, ticks: int) -> Table:
+    def room(self, ticks: int) -> ArrayTable:
         """Return a table of compiled_tick.KEPT with room for so many more ticks."""
 
 
@@ -241,7 +240,7 @@ class BatchPlanners:
 
     def refused(self, cars: Cars) -> Reasons:
         """Return the cars whose planner has failed, after a command that is no number."""
-        failed = not_finite(cars.running, cars.commands)
+        failed = cars.running & ~np.isfinite(cars.commands).all(axis=1)
         for row in map(int, np.flatnonzero(failed)):
             steering_angle, speed = cars.commands[row].tolist()
             said = f"commanded {steering_angle} rad, {speed} m/s"

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import inspect
-import os
-import re
 import sys
 import traceback
 from dataclasses import FrozenInstanceError, dataclass, field
-from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 from ..display import brief
 from ..messages import LaserScan, Odometry
-
-_COLOURS = re.compile(r"\x1b\[[0-9;]*m")  # of numba's messages in a terminal
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -48,13 +42,8 @@ class PlannerFailure:
 
 
 def one_line(error: BaseException) -> str:
-    """Return the kind and message of an error in one line; of numba's many lines, those that say what it is."""
-    lines = _COLOURS.sub("", str(error)).splitlines()
-    if _of_numba(error):
-        saying = [line for line in lines if line.strip() and not line.startswith("Failed in ")]
-        ends = (i for i, line in enumerate(saying) if line.startswith(("During: ", "File ")))
-        lines = saying[: next(ends, None)] or lines
-    said = " ".join(" ".join(lines).split())
+    """Return the kind and message of an error in one line."""
+    said = " ".join(str(error).split())
     return f"{type(error).__name__}: {said}{_advice(error, said)}"
 
 
@@ -91,50 +80,17 @@ def file_of(kind: Any) -> str | None:
 
 
 def line_of(error: BaseException, file: str | None) -> int | None:
-    """Return the innermost line of a file in the traceback of an error, or in numba's message; None: there is none."""
-    if file is not None and _of_compiler(error):
-        return _line_in_kernel(error, file)
-    lines = [frame.lineno for frame in _frames(error, file) if frame.filename == file]
+    """Return the innermost line of a file in the traceback of an error; None: there is none."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     return lines[-1] if lines else None
 
 
-def _line_in_kernel(error: BaseException, file: str) -> int | None:
-    """Return the line of a file that numba could not compile, or that has the name which it quotes; None: unknown."""
-    said = _COLOURS.sub("", str(error))
-    if lines := re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', said):
-        return int(lines[-1])
-    quoted = re.search(r"'(\w+)'", said)  # the name that is not defined, or the field that there is not
-    with contextlib.suppress(OSError, UnicodeError):
-        text = Path(file).read_text("utf-8")
-        if quoted and (used := re.search(rf"\b{quoted[1]}\b", text)):
-            return text.count("\n", 0, used.start()) + 1
-    return None
-
-
-def _frames(error: BaseException, file: str | None) -> list[traceback.FrameSummary]:
-    """Return the frames of an error; a kernel that was compiled of the same text in another folder is of this file."""
-    frames = list(traceback.extract_tb(error.__traceback__))
-    if file is None or any(frame.filename == file for frame in frames):
-        return frames
-    own = Path(file).name
-    return [
-        traceback.FrameSummary(file, frame.lineno, frame.name) if Path(frame.filename).name == own else frame
-        for frame in frames
-    ]
-
-
 def own_traceback(error: BaseException, file: str | None) -> str:
-    """Return the traceback from the first frame in a planner's file on, or all; of numba's lines the planner's."""
-    frames = _frames(error, file)
-    if _of_compiler(error):
-        own = [frame for frame in frames if frame.filename == file]
-        line = line_of(error, file)
-        own += [] if file is None or line is None else [traceback.FrameSummary(file, line, "a kernel")]
-        left = "(numba's other lines are left out; race --traceback prints them)\n"
-        return "".join(["Traceback of the planner:\n", *traceback.format_list(own), one_line(error), "\n", left])
+    """Return the traceback from the first frame in a planner's file on, or all."""
+    frames = list(traceback.extract_tb(error.__traceback__))
     first = next((i for i, frame in enumerate(frames) if frame.filename == file), 0)
     lines = [*traceback.format_list(frames[first:]), *traceback.format_exception_only(error)]
-    return _COLOURS.sub("", "Traceback of the planner:\n" + "".join(lines))
+    return "Traceback of the planner:\n" + "".join(lines)
 
 
 def failure_of(error: BaseException | str, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerFailure:
@@ -156,20 +112,8 @@ def _definition(kind: Any, file: str | None) -> int | None:
     return code.co_firstlineno if code is not None and code.co_filename == file else None
 
 
-def _of_numba(error: BaseException) -> bool:
-    """Return whether numba could not compile something."""
-    return type(error).__module__.startswith("numba.")
-
-
-def _of_compiler(error: BaseException) -> bool:
-    """Return whether an error was raised while numba compiled something; it may be of any class."""
-    folder = f"{os.sep}numba{os.sep}core{os.sep}"
-    return _of_numba(error) or any(folder in frame.filename for frame in traceback.extract_tb(error.__traceback__))
-
-
 def _plain(member: Any) -> FunctionType | None:
-    """Return the function of a member of a class, be it static, a class method or a kernel, and call nothing of it."""
+    """Return the function of a member of a class, be it static or a class method, and call nothing of it."""
     if issubclass(type(member), (staticmethod, classmethod)):
         member = member.__func__
-    member = inspect.getattr_static(member, "py_func", member)
     return member if type(member) is FunctionType else None

@@ -1,6 +1,6 @@
 """Measurements in Python of an engine's cars: LiDARs with effects, further sensors, odometry that drifts.
 
-The kernels of `compiled_tick` have taken scans and odometry before; `Sensing` changes them, and measures the rest.
+The native core has taken scans and odometry before; `Sensing` changes them, and measures the rest.
 """
 
 from __future__ import annotations

@@ -20,7 +20,6 @@ import mujoco
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
-from ..compiled.kept import kept
 from ..controllers.control.speed import lifting_share
 from ..course.course import Course
 from ..course.definitions import course_sha256
@@ -30,6 +29,7 @@ from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle, require_obstacles
 from ..display import brief, quoted
 from ..errors import ModelError, SettingsError, accepted_names
+from ..kept import kept
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..lidar.visible_surfaces import ScanlineScene
 from ..messages import CarParameters, FloatArray, shown

@@ -6,7 +6,6 @@ kind of world and one thread has one; worlds with models of their own are a batc
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -17,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.array_table import ArrayTable, Table
+from ..array_table import ArrayTable
 from ..course.lap_timer import first_seen, fresh_timers
 from ..course.moving_obstacles import motion_table, moving_obstacles, place_moving
 from ..course.standing import off_course
@@ -25,12 +24,12 @@ from ..lidar.body_poses import Mount
 from ..lidar.lidar import Lidar, RaycastLidar, lidar_mount
 from ..lidar.links import make_links
 from ..messages import ODOMETRY, FloatArray
+from ..native import core
 from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, restore_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR
-from ..vehicle.mujoco_stages import fields
 from ..vehicle.tire_rows import USERDATA, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from ..vehicle.tire_solve import SCRATCH, Inertia
@@ -38,7 +37,6 @@ from ..vehicle.vehicle import Vehicle
 from . import compiled_tick
 from .cars import lidar_prefix, touch_places, tree_of
 from .clear_ground import ClearGround, find_clear_ground
-from .clock import HAS_CLOCK
 from .physics import STATE, Batch, StateLayout
 from .planner_adapter import Calls
 from .settings import Start
@@ -275,9 +273,8 @@ class WorldBatch:
             "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs,
             "car_places": self._car_places, "touch_places": self._touch_places,
             "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(4, np.int64), "gears": self._gears,
-            "fields": np.array(fields(), np.int64), "row_counts": inertia.row_counts, "row_starts": inertia.row_starts,
-            "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), **self.clear._asdict(),
-            "motions": self._motions, **self._engine_arrays(),
+            "row_counts": inertia.row_counts, "row_starts": inertia.row_starts, "inertia_columns": inertia.columns,
+            "scratch": np.zeros(SCRATCH), **self.clear._asdict(), "motions": self._motions, **self._engine_arrays(),
         }  # fmt: skip
         if course is not None:
             arrays["table"] = np.ascontiguousarray(course.table)
@@ -466,27 +463,21 @@ class WorldBatch:
 
     @property
     def table_address(self) -> int:
-        """Address of the table of all arrays, for kernels that go through several batches."""
+        """Address of the table of all arrays, for what goes through several batches."""
         return self._table.address
 
     @property
     def ticks_at_once(self) -> bool:
         """Whether `tick` can drive these worlds."""
-        return self.drawn is not None and self.world.track is not None and self._cars_per_world == 1 and HAS_CLOCK
+        return self.drawn is not None and self.world.track is not None and self._cars_per_world == 1
 
-    def tick(self, calls: Calls, limit: float, kept: Table, took: FloatArray, waiting: Mask) -> tuple[int, int]:
-        """Sense, decide, drive and judge, several times in one compiled call, see compiled_tick.ticks."""
-        return compiled_tick.ticks(self._table.rows, calls, limit, kept, took, waiting)
-
-    def compile_tick(self) -> None:
-        """Compile `tick`, or load it."""
-        calls, running = np.empty((0, 2), np.int64), self._monitor.running
-        arguments = self._table.rows, calls, math.inf, compiled_tick.NOTHING_KEPT, np.empty(1), running
-        compiled_tick.ticks.address(*arguments)  # type: ignore[attr-defined]
+    def tick(self, calls: Calls, limit: float, kept: ArrayTable, took: FloatArray, waiting: Mask) -> tuple[int, int]:
+        """Sense, decide, drive and judge, several times in one compiled call, see `ticks` in _native.pyi."""
+        return core.ticks(self._table.address, calls, limit, kept.address, took, waiting)
 
     def judge(self) -> None:
         """Time the laps of the cars that race and end what is over."""
-        compiled_tick.judge(self._table.rows)
+        core.judge_all(np.array([self._table.address]))
 
     @property
     def driven(self) -> NDArray[np.int32]:
@@ -500,7 +491,7 @@ class WorldBatch:
         if controls is not None:
             self.physics.states[:, slice(*self.layout.ctrl)] = controls
             return
-        compiled_tick.hold(self._table.rows, len(ids))
+        core.hold(self._table.address, len(ids))
 
     def step(self, ids: NDArray[np.int32], step: int) -> None:
         """Do one physics step of a tick in the worlds `ids`."""
@@ -515,10 +506,9 @@ class WorldBatch:
             self._do_steps(len(ids), 0, advance=False)
 
     def _do_steps(self, count: int, step: int, *, advance: bool) -> None:
-        compiled_tick.begin_steps(self._table.rows, count, step, step + 1, advance)
-        compiled_tick.step(self._table.address)
+        core.step(self._table.address, count, step, step + 1, advance)
 
     def book(self, ids: NDArray[np.int32]) -> None:
         """End a tick of single steps in the worlds `ids`: write what tires and chassis did."""
         self._ids[: len(ids)] = ids
-        compiled_tick.book(self._table.rows, len(ids))
+        core.book(self._table.address, len(ids))

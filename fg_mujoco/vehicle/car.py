@@ -161,7 +161,7 @@ class Car:
     Attributes:
       mu: friction coefficient of the tires, or the greatest lateral peak of those with a curve [-].
       chassis_contact: where in sensordata the chassis' contact is.
-      constants: where it is in the model and its limits, for kernels, (1,) of car_motion.CAR.
+      constants: where it is in the model and its limits, (1,) of car_motion.CAR.
 
     Raises:
       ModelError: the model does not hold the car under this prefix.

@@ -18,11 +18,11 @@ import mujoco
 import numpy as np
 
 from ..arguments import explain_class
-from ..compiled.kernels import kernel
 from ..course.obstacles import Box
 from ..course.track import Track
 from ..errors import SettingsError
 from ..messages import FloatArray, require, shown
+from ..native import core
 from .car import WHEELS, element_id
 
 PREFIX = "patch_"
@@ -107,26 +107,7 @@ def patch_table(model: mujoco.MjModel) -> FloatArray:
     return np.array(rows, np.float64).reshape(-1, 7)
 
 
-@kernel
-def look_at_floor(
-    x: float, y: float, heading: float, wheels: FloatArray, patches: FloatArray, mu: FloatArray, under: FloatArray
-) -> None:
-    """Write what each tire has on the floor `under` it (4,) [-], of a car at x, y [m] and heading [rad] in the world.
-
-    `wheels` (4, 2) are of `wheel_positions`, patches (n, 7) of `patch_table`, `mu` (4,) of the tires on the ground [-].
-    """
-    cos, sin = math.cos(heading), math.sin(heading)
-    greatest = max(mu[0], mu[1], mu[2], mu[3])
-    for tire in range(4):
-        at_x = cos * wheels[tire, 0] - sin * wheels[tire, 1] + x
-        at_y = sin * wheels[tire, 0] + cos * wheels[tire, 1] + y
-        under[tire] = mu[tire]
-        for k in range(len(patches)):
-            away_x, away_y = at_x - patches[k, 0], at_y - patches[k, 1]
-            along = patches[k, 4] * away_x + patches[k, 5] * away_y
-            across = patches[k, 4] * away_y - patches[k, 5] * away_x
-            if abs(along) <= patches[k, 2] and abs(across) <= patches[k, 3]:
-                under[tire] = patches[k, 6] if mu[tire] == greatest else patches[k, 6] * (mu[tire] / greatest)
+look_at_floor = core.look_at_floor
 
 
 def random_patches(

@@ -1,4 +1,4 @@
-"""Reads tires, steering and drive off a compiled model, for the kernels that step them; and puts tires on a spec.
+"""Reads tires, steering and drive off a compiled model, for native/vehicle, which steps them; and puts tires on a spec.
 
 Tires with a law of ours are rows of TIRE, and how a car is steered and driven is a row of GEAR. What a tire did in the
 last step lies in `userdata`, which is a part of mjSTATE_INTEGRATION: a recorded state holds all that the next step
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..messages import FloatArray
+from ..native import record
 from .car import WHEELS, element_id, steering_of
 from .changes import six_digits
 from .drive_line import DriveLine, tie_on_contacts
@@ -44,7 +45,8 @@ ALONG, ACROSS, LOAD, FORCE_ALONG, FORCE_ACROSS, SLIDING, SLIDING_ACROSS, SLIP_SI
 the last step: its mean load [N] and force [N], forward and to the left positive, the greatest speed at which it slid
 [m/s], that across its heading, and its greatest slip over that of the peak."""
 
-TIRE = np.dtype(
+TIRE = record(
+    "Tire",
     [
         ("law", np.int64),  # its place in LAWS
         ("holds", np.int64),  # see Law
@@ -75,11 +77,12 @@ TIRE = np.dtype(
         ("common", np.int64, (_MOST_LINKS,)),  # their places in `Gear.common`, behind its own
         ("turned_by", np.int64, (_MOST_LINKS,)),  # how many, the first ones, turn the wheel against the body of each
         ("straight", np.int64, (_MOST_LINKS,)),  # whether each moves without turning
-    ]
+    ],
 )
-"""A tire with a law of ours, and its wheel. Kernels take an array (tires,) of it; none for the model `contact`."""
+"""A tire with a law of ours, and its wheel. Functions take an array (tires,) of it; none for the model `contact`."""
 
-GEAR = np.dtype(
+GEAR = record(
+    "Gear",
     [
         ("first_tire", np.int64),  # its first row among those of TIRE; -1: its tires are MuJoCo's contacts
         ("userdata", np.int64),  # where in `userdata` that of its tires begins
@@ -117,7 +120,7 @@ GEAR = np.dtype(
         ("power", np.float64),  # [W] of the motor: its greatest force at `power_limit_speed`
         ("spin_dof", np.int64, (4,)),
         ("wheel_radius", np.float64),  # [m] mean of the drive
-    ]
+    ],
 )
 """The steering and the drive of a car; of one on MuJoCo's contacts only the servos and the motor's power."""
 

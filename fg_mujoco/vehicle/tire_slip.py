@@ -22,31 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import explain_class
-from ..compiled.kernels import kernel
 from ..display import brief
 from ..errors import ModelError
 from ..messages import FloatArray
+from ..native import core
 from .car import WHEELS, element_id, sensor_slice
-from .tire_patch import curve_peaks, slips
-from .tire_rows import (
-    ACROSS,
-    ALONG,
-    FORCE_ACROSS,
-    FORCE_ALONG,
-    LOAD,
-    SLIDING,
-    SLIDING_ACROSS,
-    SLIP_SIZE,
-    USERDATA,
-    TireRows,
-    tire_rows,
-    userdata_place,
-)
+from .tire_rows import TireRows, tire_rows, userdata_place
 from .tires import CONTACT, LAW_OF
-
-READINGS = 19
-"""Sensor readings of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and
-angular velocity of the wheel."""
 
 SLIDING_SPEED = 0.05
 """[m/s] A tire of the model `contact` slides when its contact point moves faster than this over the ground.
@@ -92,10 +74,8 @@ def share_text(share: float | None) -> str:
     return NO_PEAK if share is None or math.isnan(share) else f"{100.0 * share:.2f} %"
 
 
-_SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")  # READINGS of them
+_SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")
 _AXLE = "wheel_axle"  # sensor of a wheel: where its axle points, (3,) in the world
-
-_LEAST_ROLLING = 0.05  # [m/s] of a wheel of the model `contact`; a slower one has no slip angle and no slip ratio
 
 QUANTITIES = 10
 """Number of quantities of each tire and step that the slip meter writes."""
@@ -270,7 +250,7 @@ class TireSlipMeter:
         """
         slip = np.empty((QUANTITIES, len(records), len(WHEELS)))
         states = np.empty((len(records), 0)) if states is None else states
-        measure_slip(
+        core.measure_slip(
             records, self.readings.start, self.axles, self.mu[np.newaxis], self.rows, states, self._place, slip
         )
         return TireSlip(values=slip)
@@ -285,121 +265,3 @@ def _first_axle(model: mujoco.MjModel, prefix: str) -> int:
         return -1
     places = model.sensor_adr[found]
     return int(places[0]) if (np.diff(places) == 3).all() else -1
-
-
-@kernel
-def measure_slip(
-    records: FloatArray,
-    start: int,
-    axles: int,
-    mu: FloatArray,
-    tires: TireRows,
-    states: FloatArray,
-    place: int,
-    slip: FloatArray,
-) -> None:
-    """Work out the slip of the tires in each of some steps.
-
-    Args:
-      records: (at least steps, m) sensor readings, one row a step.
-      axles: where in a row the axles' are; -1: nowhere.
-      mu: (steps, 4), or (1, 4) where all steps have the same.
-      tires: (4,) of TIRE; none for the model `contact`.
-      states: (at least steps, k) user data, one row a step; of tires with a curve.
-      slip: (QUANTITIES, steps, 4), written to, by quantity, step, tire.
-    """
-    for step in range(slip.shape[1]):
-        grip = mu[step if len(mu) > 1 else 0]
-        for tire in range(4):
-            if len(tires) > 0:
-                own = states[step, place + USERDATA * tire : place + USERDATA * (tire + 1)]
-                _measure_law(tires[tire], own, grip[tire], slip[:, step, tire])
-                continue
-            row = records[step, start + tire * READINGS : start + (tire + 1) * READINGS]
-            if row[0] == 0.0:
-                for quantity in range(len(slip)):
-                    slip[quantity, step, tire] = math.nan
-                continue
-            normal = row[7:10]
-            arm_x, arm_y, arm_z = row[4] - row[10], row[5] - row[11], row[6] - row[12]  # wheel's centre to the point
-            x = row[13] + row[17] * arm_z - row[18] * arm_y
-            y = row[14] + row[18] * arm_x - row[16] * arm_z
-            z = row[15] + row[16] * arm_y - row[17] * arm_x
-            into_ground = x * normal[0] + y * normal[1] + z * normal[2]
-            x, y, z = x - into_ground * normal[0], y - into_ground * normal[1], z - into_ground * normal[2]
-            friction = math.hypot(row[2], row[3])
-            slip[_SLIDING_SPEED, step, tire] = math.sqrt(x * x + y * y + z * z)
-            slip[_FRICTION_USE, step, tire] = friction / (grip[tire] * row[1])
-            slip[NORMAL_FORCE, step, tire] = row[1]
-            slip[_FRICTION_FORCE, step, tire] = friction
-            slip[_SLIDES, step, tire] = slip[_SLIDING_SPEED, step, tire] > SLIDING_SPEED
-            if axles < 0:
-                for quantity in (_LATERAL_SPEED, FORCE_X, FORCE_Y, SLIP_ANGLE, SLIP_RATIO):
-                    slip[quantity, step, tire] = math.nan
-                continue
-            axle = records[step, axles + 3 * tire : axles + 3 * (tire + 1)]
-            lean = axle[0] * normal[0] + axle[1] * normal[1] + axle[2] * normal[2]
-            along_axle = x * axle[0] + y * axle[1] + z * axle[2]  # of a velocity along the ground
-            slip[_LATERAL_SPEED, step, tire] = abs(along_axle) / math.sqrt(max(1.0 - lean * lean, 1e-12))
-            # on level ground a contact's frame is z, y, -x, and the sensor turns the tire's force by that
-            level = math.hypot(axle[0], axle[1])
-            ahead_x, ahead_y = axle[1] / level, -axle[0] / level
-            slip[FORCE_X, step, tire] = ahead_x * row[3] + ahead_y * row[2]
-            slip[FORCE_Y, step, tire] = ahead_x * row[2] - ahead_y * row[3]
-            forward = ahead_x * row[13] + ahead_y * row[14]
-            if abs(forward) > _LEAST_ROLLING:
-                slip[SLIP_ANGLE, step, tire] = -math.atan2(ahead_x * y - ahead_y * x, abs(forward))
-                slip[SLIP_RATIO, step, tire] = -(ahead_x * x + ahead_y * y) / abs(forward)
-            else:
-                slip[SLIP_ANGLE, step, tire] = slip[SLIP_RATIO, step, tire] = math.nan
-
-
-@kernel
-def _measure_law(tire: Any, own: FloatArray, mu: float, slip: FloatArray) -> None:
-    """Write what a tire with a law of ours did into `slip` (QUANTITIES,) of a step, from its user data then."""
-    load = own[LOAD]
-    if load <= 0.0:
-        slip[:] = math.nan
-        return
-    force_x, force_y = own[FORCE_ALONG], own[FORCE_ACROSS]
-    ratio, angle, _ = slips(tire, own[ALONG], own[ACROSS])
-    most_x, most_y = curve_peaks(tire, load, mu)
-    use_x, use_y = force_x / most_x, force_y / most_y
-    slip[NORMAL_FORCE], slip[_FRICTION_FORCE] = load, math.sqrt(force_x * force_x + force_y * force_y)
-    slip[_FRICTION_USE] = math.sqrt(use_x * use_x + use_y * use_y)
-    slip[FORCE_X], slip[FORCE_Y] = force_x, force_y
-    slip[SLIP_ANGLE], slip[SLIP_RATIO] = -angle, -ratio
-    slip[_SLIDING_SPEED], slip[_LATERAL_SPEED] = own[SLIDING], own[SLIDING_ACROSS]
-    if not tire.slides:  # without a peak there is no past it
-        slip[_SLIDING_SPEED] = slip[_LATERAL_SPEED] = math.nan
-    slides = own[SLIDING] > BRISTLES_SLIDE if tire.holds else tire.slides and own[SLIP_SIZE] > 1.0
-    slip[_SLIDES] = 1.0 if slides else 0.0
-
-
-@kernel
-def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
-    """Return how many steps slide, and write the tires' speeds [m/s] and friction utilisations [-] (8,); NaN: none."""
-    for i in range(len(greatest)):
-        greatest[i] = math.nan
-    sliding_steps = 0
-    for step in range(slip.shape[1]):
-        slides = False
-        for tire in range(4):
-            speed, use = slip[_SLIDING_SPEED, step, tire], slip[_FRICTION_USE, step, tire]
-            slides = slides or slip[_SLIDES, step, tire] > 0.0
-            if not speed <= greatest[tire] and not math.isnan(speed):
-                greatest[tire] = speed
-            if not use <= greatest[4 + tire] and not math.isnan(use):
-                greatest[4 + tire] = use
-        sliding_steps += slides
-    return sliding_steps
-
-
-@kernel
-def greatest_lateral_speed(slip: FloatArray, so_far: float) -> float:
-    """Return the greatest sliding speed across a wheel's heading in `slip` [m/s], or `so_far` if that is greater."""
-    for step in range(slip.shape[1]):
-        for tire in range(4):
-            if slip[_LATERAL_SPEED, step, tire] > so_far:  # nor is NaN
-                so_far = slip[_LATERAL_SPEED, step, tire]
-    return so_far

@@ -24,4 +24,10 @@ constexpr std::int32_t whole(double value) {
     return static_cast<std::int32_t>(value < 1e9 ? value : 1e9);
 }
 
+// Return an angle [rad] turned by whole turns into +-pi. A number of turns that 64 bits do not hold counts as -2^63.
+inline double within_turn(double angle) {
+    const double turns = std::nearbyint(angle / (2.0 * pi)) + 0.0;  // no -0
+    return angle - 2.0 * pi * (std::abs(turns) < 0x1p63 ? turns : -0x1p63);
+}
+
 }  // namespace fg

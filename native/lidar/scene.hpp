@@ -1,5 +1,6 @@
 // The input of a scan and its working arrays; fg_mujoco/lidar/visible_surfaces.py says what is in each array.
 #pragma once
+#include "../core/array_table.hpp"
 #include "../core/arrays.hpp"
 #include "../core/numbers.hpp"
 
@@ -43,6 +44,19 @@ struct Scratch {
     // Throw std::invalid_argument unless there is room for the scans of a scene.
     void check_room(const Scene& scene) const;
 };
+
+// Return both from the rows of a table of their arrays, in the order of their fields.
+inline constexpr int scene_arrays = 10, scratch_arrays = 6;
+inline Scene scene_of(Row<const ArrayPlace> rows) {
+    return {rows[0].table<const double>(),        rows[1].row<const double>(),   rows[2].table<const double>(),
+            rows[3].table<const std::uint16_t>(), rows[4].table<const double>(), rows[5].table<const std::int32_t>(),
+            rows[6].table<const double>(),        rows[7].table<const std::int32_t>(),
+            rows[8].table<const double>(),        rows[9].table<const double>()};
+}
+inline Scratch scratch_of(Row<const ArrayPlace> rows) {
+    return {rows[0].table<double>(),       rows[1].row<std::int32_t>(), rows[2].row<double>(),
+            rows[3].table<std::int32_t>(), rows[4].row<std::int32_t>(), rows[5].table<double>()};
+}
 
 // Pose of the LiDAR in a frame: position [m], then the rotation into the LiDAR's frame, row by row.
 struct Pose {

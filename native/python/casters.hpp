@@ -31,7 +31,8 @@ struct view_caster {
     View view;
 };
 
-template <class T> struct type_caster<fg::Row<T>> : view_caster<fg::Row<T>, T, 1> {};
+template <class T> requires(!std::is_class_v<T>)
+struct type_caster<fg::Row<T>> : view_caster<fg::Row<T>, T, 1> {};
 template <class T> struct type_caster<fg::Table<T>> : view_caster<fg::Table<T>, T, 2> {};
 template <class T> struct type_caster<fg::Cube<T>> : view_caster<fg::Cube<T>, T, 3> {};
 

@@ -1,5 +1,5 @@
 // Binds native/lidar. Shapes that do not fit together are refused with a ValueError.
-#include "lidar.hpp"
+#include "bindings.hpp"
 
 #include <string>
 

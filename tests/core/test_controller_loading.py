@@ -160,7 +160,7 @@ def test_a_users_file_is_of_no_package_and_none_is_looked_through(tmp_path, monk
 
 
 @pytest.mark.slow
-def test_a_kernel_of_a_file_that_was_edited_is_compiled_anew(tmp_path):
+def test_a_file_that_was_edited_is_read_anew(tmp_path):
     """A number is changed, by nothing that changes the code's shape."""
     text = """
 from fg_mujoco.controllers.control.driving import DrivingSettings

@@ -4,16 +4,12 @@ import signal
 import threading
 import time
 
-import numba
 import numpy as np
 import pytest
-from numba.core import event
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.compiled.kernels import CompileTime, kernel
-from fg_mujoco.errors import DecisionLimitReached
-from fg_mujoco.racing.decision_times import DecisionClock, DecisionTimes
+from fg_mujoco.racing.decision_times import DecisionTimes
 from hand_planners import driven
 
 TICK = 0.025
@@ -76,39 +72,6 @@ def test_a_race_leaves_the_handler_of_signals_as_it_was():
 
 
 # What is counted
-
-
-@each("kind", ("numba:compile", "fg_mujoco:kernel"))
-def test_compiling_is_not_counted_and_not_interrupted(kind):
-    done = []
-
-    def compile_long():
-        with event.trigger_event(kind), event.trigger_event("numba:compile"):
-            time.sleep(0.5)
-        done.append(True)
-
-    clock = DecisionClock(0.2)
-    with clock:
-        clock.time(compile_long)
-        assert done and clock.seconds[0] < 0.2
-        with pytest.raises(DecisionLimitReached):
-            clock.time(lambda: time.sleep(60.0))
-        assert clock.seconds[1] >= 0.2
-
-
-@each("compiler", (kernel, numba.njit))
-def test_the_time_of_compiling_is_that_of_the_first_call(compiler):
-    def double(x):
-        return 2.0 * x
-
-    compiled, compile_time = compiler(double), CompileTime()
-    with compile_time:
-        began = time.perf_counter()
-        assert compiled(2.0) == 4.0
-        took, first = time.perf_counter() - began, compile_time.seconds
-        assert compiled(3.0) == 6.0
-    assert 0.5 * took < first <= took
-    assert compile_time.seconds == first and not compile_time.running
 
 
 def test_99_percent_of_the_decisions_took_no_longer_and_each_figure_is_one_of_them():

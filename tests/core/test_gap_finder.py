@@ -2,12 +2,15 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import pytest
 
 from cases import each
+from fg_mujoco.addons.drivers.pure_pursuit import PurePursuit
+from fg_mujoco.controllers.control.stages import NativeStep
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import STOP, DriveCommand
@@ -103,3 +106,47 @@ def test_a_planner_with_a_decision_of_its_own_does_not_inherit_the_batch():
     assert Slower.batch is None
     scan, odometry = corridor(1.0, 1.0), odometry_of(0.0)
     assert Slower(CAR, MU)(scan, odometry).speed == 0.5 * GapFinder(CAR, MU)(scan, odometry).speed
+
+
+class Readable(GapFinder):
+    """The gap finder as its file says it, in Python."""
+
+    goal = staticmethod(GapFinder.goal)
+
+
+@each("settings", [{}, {"method": "source"}, {"field_of_view": 1.0, "mean_radius": 0.3, "clearance": 0.0}])
+def test_the_native_gap_finder_answers_as_its_file_says(settings):
+    generator = np.random.default_rng(4)
+    native = GapFinder(CAR, MU, 8.0, GapFinderSettings(**settings))
+    readable = Readable(CAR, MU, 8.0, GapFinderSettings(**settings))
+    assert isinstance(GapFinder.refer, NativeStep) and not isinstance(Readable.refer, NativeStep)
+    for beams in (2, 3, 100, 1081):
+        for odd in (0.0, 0.3):
+            ranges = rough_scan(7).ranges if beams > 100 else generator.uniform(0.0, 9.0, beams)
+            ranges = np.where(generator.random(beams) < odd, generator.choice([0.0, math.inf, math.nan], beams), ranges)
+            scan, odometry = scan_of(ranges), odometry_of(float(generator.uniform(0.0, 5.0)))
+            assert native.find_goal(scan) == readable.find_goal(scan)
+            expected = readable.intermediate_scans(scan)
+            found = native.intermediate_scans(scan)
+            assert list(found) == list(expected)
+            assert all(found[name].tobytes() == expected[name].tobytes() for name in found)
+            assert native(scan, odometry) == readable(scan, odometry)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LongerSettings(GapFinderSettings):
+    """One more."""
+
+    pace: float = 1.0
+
+
+def test_a_planner_with_other_settings_refers_by_the_function_that_it_derives():
+    class Longer(GapFinder):
+        Settings = LongerSettings
+
+    assert not isinstance(Longer.refer, NativeStep)
+    assert Longer(CAR, MU)(corridor(1.0, 1.3), odometry_of(2.0)) == finder()(corridor(1.0, 1.3), odometry_of(2.0))
+    with pytest.raises(ControllerError, match="Other has other Settings or another memory_type than its native"):
+
+        class Other(PurePursuit):
+            Settings = LongerSettings

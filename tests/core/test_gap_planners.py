@@ -40,8 +40,6 @@ CHOICES = [
 ]
 BEARINGS = INCREMENT * (np.arange(1081) - 540)
 
-unhurried = settings(deadline=None)  # the first call compiles
-
 
 @cache
 def planner(kind, mu=MU, **settings):
@@ -49,8 +47,8 @@ def planner(kind, mu=MU, **settings):
 
 
 def row(kind, **settings):
-    """Settings as the kernels get them."""
-    return planner(kind, **settings).settings_row[0]
+    """Settings of a planner for the car."""
+    return planner(kind, **settings).settings
 
 
 def named(choice):
@@ -118,7 +116,6 @@ def test_in_the_diagram_it_aims_at_the_middle_of_the_free_space():
 
 
 @given(ranges=arrays(np.float64, st.integers(0, 20), elements=st.sampled_from([0.5, 1.0, 1.7, 3.0, 3.2])))
-@unhurried
 def test_the_opening_is_the_widest_of_all_pairs_that_follow_each_other(ranges):
     steps = np.diff(ranges)
     disparities = [(beam + 1, step) for beam, step in enumerate(steps.tolist()) if abs(step) > 0.6]
@@ -149,7 +146,6 @@ def test_the_slides_bubble_masks_the_points_within_its_radius():
     increment=st.floats(1e-3, 0.2),
     radius=st.floats(0.01, 3.0),
 )
-@unhurried
 def test_the_points_in_a_bubble_are_those_near_the_nearest_in_the_plane(ranges, increment, radius):
     points = [cmath.rect(distance, beam * increment) for beam, distance in enumerate(ranges)]
     nearest = points[int(np.argmin(ranges))] if points else 0.0
@@ -174,7 +170,6 @@ def test_each_point_is_what_it_says(chosen, place):
     ranges=arrays(np.float64, st.integers(0, 25), elements=st.sampled_from([1.0, 3.0, 4.0, 5.0, 30.0])),
     gap=st.sampled_from(["widest", "deepest"]),
 )
-@unhurried
 def test_the_gap_taken_is_the_first_in_the_order_that_the_docstring_gives(ranges, gap):
     runs = list(runs_where(ranges > 2.0))
     keys = [(end - first, ranges[first:end].max()) for first, end in runs]
@@ -187,7 +182,6 @@ def test_the_gap_taken_is_the_first_in_the_order_that_the_docstring_gives(ranges
 
 
 @given(phi1=st.floats(-1.5, 1.5), wide=st.floats(0.05, 3.0), d1=st.floats(0.1, 10.0), d2=st.floats(0.1, 10.0))
-@unhurried
 def test_the_gaps_centre_is_that_of_the_papers_formula(phi1, wide, d1, d2):
     """With the angle to the first obstacle counted to the right, to the second to the left."""
     phi2 = wide - phi1
@@ -198,7 +192,6 @@ def test_the_gaps_centre_is_that_of_the_papers_formula(phi1, wide, d1, d2):
 
 
 @given(gap=st.floats(-1.5, 1.5), goal=st.floats(-1.5, 1.5), nearest=st.floats(0.01, 30.0), alpha=st.floats(0.1, 20.0))
-@unhurried
 def test_the_heading_is_that_of_the_papers_formula(gap, goal, nearest, alpha):
     weight = alpha / nearest
     assert weighted_gap.blended(gap, goal, nearest, alpha) == pytest.approx((weight * gap + goal) / (weight + 1.0))

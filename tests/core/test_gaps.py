@@ -6,7 +6,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -14,7 +14,6 @@ from fg_mujoco.controllers.perception import gaps
 
 SLIDES = np.array([0.5, 5.1, 6.0, 7.0, math.inf, 3.0, math.inf, 3.0, math.inf, 8.0, 1.0, 3.0])
 
-unhurried = settings(deadline=None)  # the first call compiles
 # of few values, so that runs and ties are common
 scans = arrays(np.float64, st.integers(0, 25), elements=st.sampled_from([0.0, 1.0, 2.0, 2.5, 3.0, math.inf]))
 
@@ -48,13 +47,11 @@ def test_no_return_is_beyond_any_threshold_and_a_failed_reading_beyond_none():
 
 
 @given(ranges=scans)
-@unhurried
 def test_the_longest_run_is_that_of_all_runs_of_non_zeros(ranges):
     assert gaps.longest_run(ranges) == longest(runs_where(ranges != 0.0), (0, 0))
 
 
 @given(ranges=scans, threshold=st.sampled_from([0.0, 1.5, 2.5, 30.0]), least=st.integers(-1, 6))
-@unhurried
 def test_the_runs_beyond_a_threshold_are_all_that_are_long_enough(ranges, threshold, least):
     found = gaps.runs_beyond(ranges, threshold, least)
     assert found.shape[1:] == (2,)
@@ -65,7 +62,6 @@ def test_the_runs_beyond_a_threshold_are_all_that_are_long_enough(ranges, thresh
 @given(
     ranges=scans, bounds=st.tuples(st.integers(0, 25), st.integers(0, 25)), tolerance=st.sampled_from([0.0, 0.5, 2.0])
 )
-@unhurried
 def test_the_deepest_run_is_the_longest_of_those_near_the_greatest(ranges, bounds, tolerance):
     first, end = sorted(min(bound, len(ranges)) for bound in bounds)
     part = ranges[first:end]
@@ -79,7 +75,6 @@ def test_the_deepest_run_is_the_longest_of_those_near_the_greatest(ranges, bound
 
 @pytest.mark.slow
 @given(a=st.floats(0.0, 30.0), b=st.floats(0.0, 30.0), angle=st.floats(0.0, 2.0 * math.pi))
-@unhurried
 def test_a_chord_is_the_distance_of_the_two_points(a, b, angle):
     assert gaps.chord(a, b, angle) == pytest.approx(abs(cmath.rect(a, 0.0) - cmath.rect(b, angle)), abs=1e-12)
     assert gaps.chord(a, b, angle) == gaps.chord(b, a, angle)

@@ -14,11 +14,11 @@ from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
 from fg_mujoco.envs.actions import ActionBounds
 from fg_mujoco.envs.observation_description import DEFAULT_OBSERVATION
 from fg_mujoco.envs.observer import Observer
-from fg_mujoco.envs.reward_kernels import reward_ticks, sum_terms
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.envs.starts import draw_start
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.native import core
 from fg_mujoco.vehicle.car import car_parameters
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -103,12 +103,12 @@ def test_reward_is_the_sum_of_its_four_terms(compiled, bounded, slid):
     driven, crashed = np.array([True, True, True, False]), np.array([False, False, True, True])
     progress, before, rewards = np.array([4.1, 4.005, 3.8, 9.0]), np.full(4, 4.0), np.full(4, 7.0)
     terms = np.full((2, 4, 4), 1.0)
-    reward_ticks(
+    core.reward_ticks(
         driven, progress, before, crashed, np.array([1.0, 0.8, 0.5, 1.0]), np.full(4, 3.0), given.of_tick(0.025),
         given.share, compiled, rewards, terms,
     )  # fmt: skip
     if not compiled:  # there are other terms, which are summed with these
-        sum_terms(driven, np.array([False, False, True, False]), given.share, rewards, terms)
+        core.sum_terms(driven, np.array([False, False, True, False]), given.share, rewards, terms)
     np.testing.assert_allclose(rewards, [0.2 - slid[0], 0.01 - slid[1], -0.4 - 5.0 - 1.5 - slid[2], 7.0])
     assert before.tolist() == [4.1, 4.005, 3.8, 4.0]
     ticks = np.array([[0.2, 0.01, -0.4], [0.0, 0.0, -5.0], [-each for each in slid], [0.0, 0.0, -1.5]])

@@ -162,7 +162,7 @@ def test_unstable_world_ends_and_begins_anew_as_if_new():
 
 @each("settings", [{}, {"rewards": "no_slide", "observation": "scan,command,curvature"}, {"action_repeat": 3},
                    {"on_contact": "stop", "track": "chicanes", "rewards": "no_slide"}])
-def test_kernels_alone_do_what_they_do_with_python_in_between(settings):
+def test_the_native_core_alone_does_what_it_does_with_python_in_between(settings):
     """A hook that does nothing makes the engine step by step; in one thread and in two."""
     def drive(threads, hooked):
         envs = vector(9, threads=threads, **settings)

@@ -11,8 +11,7 @@ import pytest
 import recipes
 
 import fg_mujoco as fg
-from fg_mujoco.compiled import kept as keeping
-from fg_mujoco.compiled.kernel_files import cache_folder, write_kept
+from fg_mujoco import kept as keeping
 from fg_mujoco.controllers.safety import braking_trajectories
 from fg_mujoco.course import formats
 from fg_mujoco.course.definitions import course_sha256
@@ -25,7 +24,6 @@ from map_oracles import draw_map, ring
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
     """The folder of kept courses, empty, and how often a course is read and a world composed with its walls."""
-    cache_folder()  # kernels stay where they are
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     keeping._folder.cache_clear()
     made = {"course": 0, "world": 0}
@@ -124,7 +122,7 @@ def test_what_cannot_be_read_or_kept_is_made_anew(kept, tmp_path, monkeypatch, c
         if damage == "cut":
             file.write_bytes(file.read_bytes()[:-1])
         elif damage == "another object":
-            write_kept(file, pickle.dumps(("neither", 1)))
+            keeping._write(file, pickle.dumps(("neither", 1)))
         elif damage == "a folder":
             file.unlink()
             file.mkdir()

@@ -3,20 +3,25 @@
 import ctypes
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 from cases import each
 from fg_mujoco import native
-from fg_mujoco.compiled.array_table import ArrayTable
+from fg_mujoco.array_table import ArrayTable
+from fg_mujoco.errors import EngineError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.scanline import scan
 from fg_mujoco.lidar.visible_surfaces import ScanlineScene, SceneArrays, Scratch
+from fg_mujoco.vehicle.tire_rows import GEAR, TIRE
 from lidar_worlds import EYE, random_poses, random_spec
 
 SOURCES = Path(__file__).parents[2] / "native"
@@ -61,13 +66,15 @@ def built(tmp_path_factory):
     if cmake is None:
         pytest.skip("there is no cmake here")
 
+    @cache
     def build(*options):
         folder = tmp_path_factory.mktemp("build")
-        made = [cmake, "-S", str(SOURCES), "-B", str(folder), "-DFG_PYTHON=OFF", *options]
-        for command in (made, [cmake, "--build", str(folder), "--target", "kernels"]):
+        python = f"-DPython_EXECUTABLE={sys.executable}"  # whose MuJoCo it is built for
+        made = [cmake, "-S", str(SOURCES), "-B", str(folder), "-DFG_PYTHON=OFF", python, *options]
+        for command in (made, [cmake, "--build", str(folder), "--target", "caster", "--parallel", "2"]):
             done = subprocess.run(command, capture_output=True, text=True)
             assert done.returncode == 0, done.stdout + done.stderr
-        (library,) = (path for path in folder.iterdir() if path.name.startswith("libkernels."))
+        (library,) = (path for path in folder.iterdir() if path.name.startswith("libcaster."))
         return library
 
     return build
@@ -78,7 +85,7 @@ def built(tmp_path_factory):
 @each("options", [("-DFG_LEVEL=-O1",), ("-DFG_LEVEL=-O0", "-DFG_CHECK_BOUNDS=ON")], ids=["O1", "O0, bounds checked"])
 def test_each_build_gives_the_same_bits_and_no_index_is_out_of_range(options, built):
     """An index out of range ends the process of this test."""
-    assert scans(built(*options)).tobytes() == scans(native.library_path()).tobytes()
+    assert scans(built(*options)).tobytes() == scans(native.core.__file__).tobytes()
 
 
 @needs_sources
@@ -86,14 +93,13 @@ def test_each_build_gives_the_same_bits_and_no_index_is_out_of_range(options, bu
 def test_a_build_with_checks_of_bounds_finds_an_index_that_is_out_of_range(built, tmp_path):
     library = built("-DFG_LEVEL=-O0", "-DFG_CHECK_BOUNDS=ON")
     program = (
-        "import sys, ctypes, numpy as np\n"
-        f"place = ctypes.CDLL({str(library)!r}).fg_place_links\n"
-        "from fg_mujoco.lidar.links import LINK\n"
-        "links, room = np.zeros(1, LINK), np.zeros(99)\n"
-        "links['frame'] = 5\n"
+        "import ctypes, numpy as np\n"
+        f"scan = ctypes.CDLL({str(library)!r}).fg_scan\n"
+        "arrays, room = np.zeros((10, 4), np.int64), np.zeros(99)\n"
+        "arrays[0, 0], arrays[0, 1:3] = room.ctypes.data, (4, 5)  # beams, and nothing else\n"
         "address = ctypes.c_void_p(room.ctypes.data)\n"
-        "place(address, ctypes.c_int64(99), ctypes.c_void_p(links.ctypes.data), ctypes.c_int64(1), address, address,\n"
-        "      address, ctypes.c_int64(5))\n"
+        "scan(ctypes.c_void_p(arrays.ctypes.data), ctypes.c_void_p(arrays.ctypes.data), *[address] * 5,\n"
+        "     ctypes.c_int64(-1))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode != 0 and "index out of range" in done.stderr
@@ -159,6 +165,25 @@ def test_scratch_arrays_of_another_scene_are_refused(arguments):
         scan(**arguments | {"scratch": small})
 
 
+NO_TIRES, SLIP = np.zeros(0, TIRE), np.zeros((10, 2, 4))
+
+
+@each(
+    ("name", "given", "said"),
+    [
+        ("curve_force", (0, np.zeros(5), 0.1), "numbers is not"),
+        ("look_at_floor", (0.0, 0.0, 0.0, *(np.zeros(of) for of in ((4, 2), (1, 7), 3, 4))), "patches, mu and under"),
+        ("measure_slip", (np.zeros((2, 80)), 0, -1, np.ones((1, 4)), NO_TIRES, SLIP[0], 0, SLIP[:9]), "slip is not"),
+        ("measure_slip", (np.zeros((2, 80)), 5, -1, np.ones((1, 4)), NO_TIRES, SLIP[0], 0, SLIP), "tires' readings"),
+        ("measure_slip", (SLIP[0], 0, -1, np.ones((1, 4)), np.zeros(4, TIRE), SLIP[0], 0, SLIP), "or their states"),
+        ("step_on_tires", (0, 0, np.zeros(1, GEAR), NO_TIRES, np.ones((2, 4)), True), "gears and mu are not"),
+    ],
+)
+def test_arrays_of_tires_that_do_not_fit_together_are_refused(name, given, said):
+    with pytest.raises(ValueError, match=said):
+        getattr(native.core, name)(*given)
+
+
 # --- the build ---
 
 
@@ -199,15 +224,50 @@ def test_a_broken_build_is_named_in_one_line_with_the_command_that_mends_it(what
     assert line.startswith("fg_mujoco.errors.EngineError: the native core") and said in line and "make native" in line
 
 
+def is_refused(library, said):
+    """Whether a library is named in one line, with the command that mends it."""
+    with pytest.raises(EngineError) as refused:
+        native.load_mujoco(str(library))
+    return re.fullmatch(f"{library} .*{said}.*; to build it: make native.*", str(refused.value))
+
+
+@each(("library", "said"), [("none.so", "is no library"), (native.core.__file__, "has no function mj_version")])
+def test_a_library_that_is_not_that_of_mujoco_is_named_in_one_line(library, said):
+    assert is_refused(library, said)
+
+
+@each(
+    ("version", "said"), [(99001002, "is MuJoCo 99.1.2, but .* for MuJoCo"), (mujoco.mj_version(), "no function mj_")]
+)
+def test_another_mujoco_is_named_in_one_line_with_the_command_that_mends_it(version, said, tmp_path):
+    compiler, source, library = shutil.which("cc"), tmp_path / "other.c", tmp_path / f"{version}.so"
+    if compiler is None:
+        pytest.skip("there is no C compiler here")
+    source.write_text(f"int mj_version(void) {{ return {version}; }}")
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
+    assert is_refused(library, said)
+
+
+def needed_by(**environment):
+    """The process that tells what a build needs."""
+    command, environment = [sys.executable, str(SOURCES / "build_backend.py")], {**os.environ, **environment}
+    return subprocess.run(command, capture_output=True, text=True, cwd=SOURCES.parent, env=environment)
+
+
 @needs_sources
 @each(("compiler", "said"), [("/none/c++", "does not run"), ("false", "does not compile C++20")])
-def test_a_build_without_a_compiler_says_in_one_line_what_to_install(compiler, said, tmp_path):
+def test_a_build_with_a_compiler_that_does_not_do_says_in_one_line_what_to_install(compiler, said):
     pytest.importorskip("scikit_build_core")
-    done = subprocess.run(
-        [sys.executable, str(SOURCES / "build_backend.py")], capture_output=True, text=True, cwd=tmp_path,
-        env={**os.environ, "CXX": compiler},
-    )  # fmt: skip
+    done = needed_by(CXX=compiler)
     assert done.returncode == 1 and said in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+@needs_sources
+def test_a_build_without_a_compiler_takes_that_of_a_package_and_says_so(tmp_path):
+    pytest.importorskip("scikit_build_core")
+    done = needed_by(PATH=str(tmp_path))
+    assert done.returncode == 0 and "ziglang==" in done.stdout and "ziglang" in done.stderr
+    assert "ziglang" not in needed_by().stdout
 
 
 @needs_sources

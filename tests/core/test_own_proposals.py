@@ -6,14 +6,12 @@ import numpy as np
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.decision import propose
 from fg_mujoco.controllers.control.stages import Stage, Tick
 from fg_mujoco.controllers.gap_finder import GapFinder
 from scan_worlds import CAR, corridor, odometry_of
 
 
-@kernel
 def arc(curvature):
     """A motion of 5 m along an arc."""
     path = np.zeros((20, 4))
@@ -24,35 +22,29 @@ def arc(curvature):
     return path
 
 
-@kernel
 def ahead(tick: Tick) -> None:
     propose(tick, arc(0.0), 1.5)
 
 
-@kernel
 def thousand(tick: Tick) -> None:
     for _ in range(1000):
         propose(tick, arc(0.0), 8.0)
 
 
-@kernel
 def not_finite(tick: Tick) -> None:
     propose(tick, arc(0.1) * math.nan, 1.0)
     propose(tick, arc(0.1), math.inf)
 
 
-@kernel
 def no_points(tick: Tick) -> None:
     propose(tick, arc(0.1)[:0], 1.0)
     propose(tick, arc(0.1)[:, :3].copy(), 1.0)
 
 
-@kernel
 def too_sharp(tick: Tick) -> None:
     propose(tick, arc(1.1 * math.tan(tick.driver.car.max_steering_angle) / tick.driver.car.wheelbase), 1.0)
 
 
-@kernel
 def reverses(tick: Tick) -> None:
     propose(tick, arc(0.0), -1.0)
 

@@ -90,10 +90,7 @@ def test_the_version_of_pyproject_is_that_of_the_archives_and_of_the_changelog(b
 @needs_checkout
 @pytest.mark.slow
 def test_what_pip_installs_from_the_wheel_races_away_from_the_repository(built, tmp_path):
-    """Dependencies are those of this Python; without network, so nothing is fetched.
-
-    Kernels are the checkout's where the sources are: their names say so, wherever the package lies.
-    """
+    """Dependencies are those of this Python; without network, so nothing is fetched."""
     pytest.importorskip("pip")
     site, empty = tmp_path / "site", tmp_path / "empty"
     empty.mkdir()
@@ -116,7 +113,7 @@ def test_what_pip_installs_from_the_wheel_races_away_from_the_repository(built, 
 
 
 def test_importing_the_package_loads_nothing_slow():
-    slow = ("matplotlib", "trimesh", "dm_control", "ray", "hypothesis")  # numba loads scipy where it is
+    slow = ("matplotlib", "trimesh", "dm_control", "ray", "hypothesis", "scipy", "numba")
     code = f"import sys, fg_mujoco; print([name for name in {slow} if name in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
 

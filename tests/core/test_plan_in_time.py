@@ -10,6 +10,7 @@ from cases import each
 from fg_mujoco.controllers.safety import plan_in_time as planned
 from fg_mujoco.controllers.safety.friction_limiter import EVASIVE, FrictionLimiter
 from fg_mujoco.controllers.safety.predictions import occupied
+from fg_mujoco.native import core
 from fg_mujoco.racing.planners import make_controller
 from moving_worlds import WALLS, box, ranges_of
 from scan_worlds import CAR, MU, odometry_of, scan_of, situation
@@ -17,6 +18,8 @@ from scan_worlds import CAR, MU, odometry_of, scan_of, situation
 LIMITER = FrictionLimiter(CAR, MU, EVASIVE).record[0]
 FIRST, INCREMENT = math.radians(-135.0), math.radians(0.25)
 PERIOD = 0.025
+USED = 0.08  # [m] of all margins that a motion may use up
+LANE = 0.3  # [m] beside the lane of one that crosses
 
 
 def target(x, y, vx, vy, *, to_wall=math.inf, from_wall=math.inf, turns=0.0, spread=0.05, radius=0.25):
@@ -41,7 +44,7 @@ def decide(rows, speed, *, plan=None, may_back_off=False, onwards=4.0, **options
 
 
 def among(here, room, servo=0.6, may_turn=0.0):
-    reaches, spans = planned._reaches(CAR_ROW, here.movers, 0.0), planned._spans(here.movers, 0.0)
+    reaches, spans = core.reaches_of(CAR_ROW, here.movers, 0.0), core.spans_of(here.movers, 0.0)
     return planned.Among(here, (8.0, 0.0), 4.0, room, servo, spans, reaches, may_turn)
 
 
@@ -72,11 +75,11 @@ def test_what_turns_at_both_ends_is_where_a_slow_walk_to_and_fro_comes(seed):
 def test_a_motion_is_worth_less_that_touches_what_may_turn_back_and_not_where_it_is_known_to_go_on():
     path = np.zeros((56, 6))
     for turns, less in ((0.0, True), (1.0, True), (2.0, False)):
-        scores = np.zeros((2, len(planned._PROFILES)))
+        scores = np.zeros((2, len(core.PROFILES)))
         row = target(2.0, 0.55, 0.0, 0.8, to_wall=2.0, from_wall=3.0, turns=turns)
         for may_turn, each_score in zip((0.0, 5.0), scores, strict=True):
             these = among(around([row], 3.0), 9.0, may_turn=may_turn)
-            planned._judge(these, path, planned._lay(these, 8.0, 0.0, path), 0.0, each_score)
+            core.judge_path(these, path, core.lay_path(these, 8.0, 0.0, path), 0.0, each_score)
         assert scores[0, 4] > 0.0
         assert (scores[1, 4] == scores[0, 4] - 5.0) == less and (scores[1, 4] == scores[0, 4]) != less
 
@@ -93,11 +96,11 @@ def test_motions_are_free_by_a_slow_check_of_discs_and_intervals(seed):
     path = np.zeros((56, 6))
     place, widened = (rng.uniform(1.0, 3.0), rng.uniform(-0.8, 0.8)), np.full(1081, 20.0)
     these = among(around(rows, now, widened=widened, angle=rng.uniform(-0.2, 0.2)), 1.0)
-    free = planned._lay(these, *place, path)
+    free = core.lay_path(these, *place, path)
     assert free == 112
     front = CAR.length - CAR.rear_overhang
-    for profile in planned._PROFILES:
-        gap, _ = planned._try(these, path, free, profile, planned.NEAR)
+    for profile in core.PROFILES:
+        gap, _ = core.try_profile(these, path, free, profile, False)
         least = math.inf
         for time, x, y, cos, sin in driven(path, profile, now):
             near, far = occupied(row, time, 0.0)
@@ -105,7 +108,7 @@ def test_motions_are_free_by_a_slow_check_of_discs_and_intervals(seed):
                 for along in np.linspace(near, far, 9):
                     dx, dy = x + offset * cos - row[0] - along * row[2], y + offset * sin - row[1] - along * row[3]
                     least = min(least, math.hypot(dx, dy))
-        assert gap < -planned._USED or least > these.reaches[0] + min(gap, 0.0) - 0.12  # a step is up to .4 m long
+        assert gap < -USED or least > these.reaches[0] + min(gap, 0.0) - 0.12  # a step is up to .4 m long
 
 
 CAR_ROW = LIMITER["car"]
@@ -160,12 +163,12 @@ def test_a_stop_in_the_lane_of_what_crosses_is_no_end_also_while_it_goes_away(sp
     here = around(rows, speed, widened=widened)
     here.memory["acceleration"] = -LIMITER["braking"]
     these = among(here, 9.0)
-    free = planned._lay(these, 4.0, 0.0, path)
-    gap, _ = planned._try(these, path, free, (0.0, 0.0, 0.0, 0.0), planned.NEAR)
+    free = core.lay_path(these, 4.0, 0.0, path)
+    gap, _ = core.try_profile(these, path, free, (0.0, 0.0, 0.0, 0.0), False)
     *_, (_, x, _, _, _) = driven(path, (0.0, 0.0, 0.0, 0.0), speed)
     front = CAR.length - CAR.rear_overhang - 0.25 * CAR.width
-    apart = min(abs(x + offset - 2.0) for offset in (front, CAR.lidar_offset, 0.0)) - these.reaches[0] - planned._LANE
-    assert abs(apart) < 0.12 or (gap < -planned._USED) == (apart < 0.0)
+    apart = min(abs(x + offset - 2.0) for offset in (front, CAR.lidar_offset, 0.0)) - these.reaches[0] - LANE
+    assert abs(apart) < 0.12 or (gap < -USED) == (apart < 0.0)
 
 
 def test_a_car_that_has_waited_passes_what_is_known_and_no_sooner():

@@ -1,4 +1,4 @@
-"""A planner of one's own on the base classes: settings, memory and scans reach its kernel, alone and in a batch."""
+"""A planner of one's own on the base classes: settings, memory and scans reach its function, alone and in a batch."""
 
 import copy
 import inspect
@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.assist import SAFE, STAGES
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
@@ -43,7 +42,6 @@ class Patient(Planner):
     memory_type = np.dtype([("ticks", np.int64)])
 
     @staticmethod
-    @kernel
     def reference(geometry, ranges, odometry, car, settings, memory, line):
         speed = settings.pace if memory.ticks >= settings.patience else 0.0
         if settings.backwards:
@@ -71,7 +69,7 @@ def speeds(planner, ticks):
 
 
 @pytest.mark.slow
-def test_settings_and_memory_reach_the_kernel():
+def test_settings_and_memory_reach_its_function():
     for patience in (0, 1, 3):
         planner = Patient(CAR, MU, settings=PatientSettings(patience=patience))
         moving = [speed > 0.0 for speed in speeds(planner, 5)]
@@ -107,7 +105,7 @@ def test_each_world_of_a_batch_has_a_memory_of_its_own():
 
 
 @pytest.mark.slow
-def test_a_goal_and_the_scans_on_the_way_to_it_are_those_of_the_kernel():
+def test_a_goal_and_the_scans_on_the_way_to_it_are_those_of_its_function():
     scan, planner = scan_of(np.linspace(1.0, 5.0, 101)), Leftmost(CAR, MU)
     assert planner.find_goal(scan) == (pytest.approx(50 * INCREMENT), 5.0)
     made = planner.intermediate_scans(scan)
@@ -123,7 +121,7 @@ def test_the_mean_range_of_the_speed_law_is_that_of_the_filtered_scan():
     assert command.speed == pytest.approx(8.0 * 2.0 * 1.0 / 10.0)
 
 
-def test_a_kernel_with_other_arguments_is_refused_when_its_class_is_made():
+def test_a_function_with_other_arguments_is_refused_when_its_class_is_made():
     with pytest.raises(ControllerError, match=r"Wrong\.goal takes \(scan, ranges\); accepted: \(geometry, ranges, "):
 
         class Wrong(GoalPlanner):
@@ -167,10 +165,13 @@ def test_a_setting_that_is_given_is_taken_as_it_is():
     assert planner.driver["judge_settings"]["crawl_speed"][0] == pytest.approx(0.5 * math.sqrt(2.0))
 
 
-@kernel
 def creep(tick: Tick) -> None:
     tick.state.ticks += 1
     tick.command[1] = min(tick.command[1], 0.5)
+
+
+def max_of_two(a, b):
+    return max(a, b)
 
 
 @each(
@@ -180,8 +181,8 @@ def creep(tick: Tick) -> None:
         (lambda: {"creep": creep}, "own_stages() returned 'creep': "),
         (lambda: {"my stage": Stage()}, "own_stages() returned 'my stage': "),
         (lambda: {"sight": Stage(after_driving=creep)}, "returned 'sight', another name of `assist`"),
-        (lambda: {"creep": Stage(after_driving=kernel(lambda a, b: None))}, "which takes 2 arguments; accepted"),
-        (lambda: {"creep": Stage(guide=creep.py_func)}, "Stage.guide is 'creep', which is no kernel; accepted"),
+        (lambda: {"creep": Stage(after_driving=max_of_two)}, "is 'max_of_two' (missing a required argument: 'b')"),
+        (lambda: {"creep": Stage(guide=3)}, "Stage.guide is 3 (3 is not a callable object); accepted: a function"),
     ],
 )
 def test_own_stages_that_are_none_are_refused(made, said):

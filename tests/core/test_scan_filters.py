@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -15,13 +15,11 @@ from scan_worlds import INCREMENT
 RADIUS = 0.3  # [m]
 BEARINGS = INCREMENT * (np.arange(1081) - 540)
 
-unhurried = settings(deadline=None)  # the first call compiles
 ranges_of_scans = arrays(np.float64, st.integers(0, 60), elements=st.floats(0.0, 30.0))
 increments = st.floats(1e-3, 0.3)
 radii = st.floats(0.01, 1.0)
 
 
-@unhurried
 @given(arrays(np.float64, st.integers(0, 40)), st.floats(), st.floats())
 def test_a_filter_that_is_given_anything_answers_something(ranges, increment, radius):
     # compiled code that left its arrays would take the process with it
@@ -56,7 +54,6 @@ def test_readings_become_distances(ranges, expected):
     np.testing.assert_array_equal(filters.valid_ranges(np.array(ranges), 30.0), expected)
 
 
-@unhurried
 @given(arrays(np.float64, st.integers(0, 40), elements=st.sampled_from([math.nan, math.nan, math.inf, -1.0, 0.5, 3.0])))
 def test_a_failed_reading_takes_the_nearer_of_its_next_valid_neighbours(ranges):
     def distance(beam):
@@ -98,7 +95,6 @@ def bubbles_by_loop(ranges, beams, increment, radius):
 
 
 @pytest.mark.slow
-@unhurried
 @given(ranges_of_scans, increments, radii, st.data())
 def test_safety_bubbles_are_those_of_a_slow_loop(ranges, increment, radius, data):
     everyone = list(range(len(ranges)))
@@ -107,7 +103,6 @@ def test_safety_bubbles_are_those_of_a_slow_loop(ranges, increment, radius, data
     np.testing.assert_array_equal(result, bubbles_by_loop(ranges, beams, increment, radius))
 
 
-@unhurried
 @given(
     st.one_of(ranges_of_scans, arrays(np.float64, st.integers(0, 60), elements=st.sampled_from([0.0, 0.1, 1.0, 9.0]))),
     increments,
@@ -121,7 +116,6 @@ def test_widening_all_is_a_safety_bubble_round_every_beam(ranges, increment, rad
 # -- disparities
 
 
-@unhurried
 @given(ranges_of_scans, increments, radii, st.floats(0.0, 5.0))
 def test_disparities_are_the_safety_bubbles_of_their_nearer_sides(ranges, increment, radius, threshold):
     pairs = [(beam, beam + 1) for beam in range(len(ranges) - 1) if abs(ranges[beam] - ranges[beam + 1]) > threshold]
@@ -145,7 +139,6 @@ def test_what_differs_by_no_more_than_the_threshold_is_no_disparity():
 # -- mean, priority, field of view
 
 
-@unhurried
 @given(ranges_of_scans, increments, radii)
 def test_the_rolling_mean_is_that_of_a_slow_loop(ranges, increment, radius):
     def mean(beam):
@@ -168,7 +161,6 @@ def test_centre_priority_weighs_from_0_999_at_the_edges_to_1_in_the_middle():
     np.testing.assert_allclose(weights[540:], np.linspace(1.0, 0.999, 541), rtol=1e-14)
 
 
-@unhurried
 @given(ranges_of_scans)
 def test_the_greatest_beam_is_the_rightmost_of_the_greatest_ranges(ranges):
     assert filters.greatest_beam(ranges) == (np.argmax(ranges) if len(ranges) else 0)

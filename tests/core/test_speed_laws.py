@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cases import each
@@ -18,7 +18,6 @@ from fg_mujoco.controllers.control.steering import pursue, saturate
 from scan_worlds import MU
 
 WHEELBASE, GRAVITY, LIDAR_OFFSET = 0.3302, 9.81, 0.275
-unhurried = settings(deadline=None)  # the first call compiles
 steering_angles = st.floats(1e-4, 1.5)
 
 
@@ -32,7 +31,6 @@ def test_the_friction_law_has_its_worked_values(steering_angle, speed):
     assert friction_speed(-steering_angle, MU, WHEELBASE, GRAVITY) == pytest.approx(speed, rel=1e-6)
 
 
-@unhurried
 @given(steering_angles, st.floats(0.1, 2.0))
 def test_at_the_friction_speed_the_circle_takes_all_of_the_tires_force(steering_angle, mu):
     # the axles and the turning centre are the corners of a right triangle: R = b / tan d
@@ -46,7 +44,6 @@ def test_straight_ahead_there_is_no_friction_limit_on_speed():
     assert friction_speed(-0.0, MU, WHEELBASE, GRAVITY) == math.inf
 
 
-@unhurried
 @given(steering_angles, st.floats(0.1, 2.0))
 def test_the_two_readings_of_the_law_are_inverses(steering_angle, mu):
     speed = friction_speed(steering_angle, mu, WHEELBASE, GRAVITY)
@@ -83,7 +80,6 @@ def test_beyond_the_limit_it_turns_as_sharply_as_possible(value, held):
     assert saturate(value, 0.4) == held
 
 
-@unhurried
 @given(st.floats(-2.3, 2.3).filter(lambda bearing: abs(math.sin(bearing)) > 1e-3), st.floats(0.1, 10.0))
 def test_the_arc_passes_through_the_goal(bearing, distance):
     # the turning centre lies beside the rear axle, b / tan d to the left; the goal is as far from it as the axle is

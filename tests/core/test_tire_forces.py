@@ -1,4 +1,4 @@
-"""The forces of tires with a law of ours in the physics: what holds a car, and what the kernel makes of a slip."""
+"""The forces of tires with a law of ours in the physics: what holds a car, and what the native core makes of a slip."""
 
 import math
 from copy import copy
@@ -10,18 +10,17 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.native import core
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
-from fg_mujoco.vehicle import mujoco_stages as stages
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.drive_line import DriveLine
-from fg_mujoco.vehicle.tire_forces import TireForces, begin_step, end_step
+from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_patch import deflect, grip_of
-from fg_mujoco.vehicle.tire_rows import ACROSS, ALONG, FORCE_ACROSS, FORCE_ALONG, LOAD, USERDATA
+from fg_mujoco.vehicle.tire_rows import ACROSS, ALONG, FORCE_ACROSS, FORCE_ALONG, GEAR, LOAD, TIRE, USERDATA
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 from fg_mujoco.vehicle.tires import DEFAULT_TIRES, AxleTires, Brush, Tires, tires_of
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -525,21 +524,11 @@ def test_a_state_holds_all_that_the_next_step_depends_on(stop):
     assert [state.tobytes() for state in seen] == [state.tobytes() for state in states[stop:]]
 
 
-@kernel
-def in_turn(model, data, found, dofs, count):
-    for _ in range(count):
-        begin_step(model, data, found, False)
-        stages.factor_inertia(model, data)
-        stages.project_constraints(model, data)
-        stages.stage_actuation(model, data)
-        stages.stage_acceleration(model, data)
-        end_step(model, data, found, dofs, True, True)
-
-
 def test_mujocos_stages_called_in_turn_are_its_step():
     """Bit for bit, sensors too: two cars on contacts, one of which drives into a wall and one into the other."""
     world = fg.World("oval", tires="contact", others=(WorldCar(tires="contact"),))
     world.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # that of the stages
+    world.model.dof_damping[:] = 0.0  # which Euler's step takes implicitly in the end, and ours from the beginning on
     engine = Engine(world)
     engine.place([Start(s=1.0, speed=2.0), Start(s=0.2, speed=5.0)])
     datas = [mujoco.MjData(world.model) for _ in range(2)]
@@ -547,10 +536,10 @@ def test_mujocos_stages_called_in_turn_are_its_step():
         mujoco.mj_setState(world.model, data, engine.state(0), STATE)
         world.cars[0].apply(data, DriveCommand(steering_angle=0.4, speed=4.0))
         world.cars[1].apply(data, DriveCommand(steering_angle=0.0, speed=6.0))
-    touched = set()
+    touched, addresses = set(), (world.model._address, datas[1]._address)
     for _ in range(250):
         mujoco.mj_step(world.model, datas[0])
-        in_turn(world.model._address, datas[1]._address, stages.fields(), world.model.nv, 1)
+        core.step_on_tires(*addresses, np.zeros(0, GEAR), np.zeros(0, TIRE), np.zeros((0, 4)), True)
         found = [np.empty(len(engine.state(0))) for _ in datas]
         for data, state in zip(datas, found, strict=True):
             mujoco.mj_getState(world.model, data, state, STATE)

@@ -255,7 +255,7 @@ def test_a_step_too_long_for_the_stiffness_of_tires_is_refused_in_one_line(tmp_p
 
 @st.composite
 def any_law(draw):
-    """A law of each kind, and what kernels know of it as one of a user's own."""
+    """A law of each kind, and what the native core knows of it as one of a user's own."""
     d = draw(st.floats(0.2, 1.5))
     stiffness = draw(st.floats(3.0, 60.0))
     kind = draw(st.sampled_from((Coulomb, Brush, Linear, MagicFormula)))

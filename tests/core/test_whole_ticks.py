@@ -1,24 +1,23 @@
 """A tick of one compiled call has the bits of sense, decide, drive and judge one by one, and fails as they do."""
 
 import math
+from functools import partial
 
+import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.compiled.kernels import call_at, kernel
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.native import core
 from fg_mujoco.racing.decision_times import DecisionClock
 from fg_mujoco.racing.result import History
 from fg_mujoco.rollouts.drive_worlds import make_engine
-from fg_mujoco.simulation.clock import HAS_CLOCK
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.simulation.world import World
-
-pytestmark = pytest.mark.skipif(not HAS_CLOCK, reason="this Python has no clock that kernels can read")
 
 SCENARIOS = [Scenario(seed=seed, max_speed=4.0 + seed, mu=0.6 + 0.1 * seed) for seed in range(3)]
 TICKS = 120
@@ -77,7 +76,6 @@ def test_a_tick_of_one_call_has_the_bits_of_the_verbs(controller):
 def planner_that(fails):
     """A class of planners that fail after 0.1 s: those with a pursuit distance of more than 2 m."""
 
-    @kernel
     def reference(geometry, ranges, odometry, car, settings, memory, line):
         if odometry.stamp > 0.09 and settings.pursuit_distance > 2.0:
             if fails:
@@ -143,20 +141,26 @@ def test_several_ticks_in_a_call_leave_what_single_ones_do():
     assert other.running.tolist() == [False, True, True] and list(other.planners.failures) == [0]
 
 
-@kernel
-def refuses_odd_numbers(number):
-    if number % 2:
-        raise ValueError("odd", number)
+def test_what_is_called_in_python_raises_through_the_native_core():
+    def refuse_odd(number):
+        if number % 2:
+            raise ValueError("odd", number)
+        done.append(number)
 
-
-@kernel
-def calls(address, number):
-    call_at(address, number)
-    return number + 1
-
-
-def test_code_at_an_address_is_called_and_raises():
-    address = refuses_odd_numbers.address(0)
-    assert calls(address, 4) == 5
+    done, numbers = [], (2, 4, 5, 6)
+    kept = [partial(refuse_odd, number) for number in numbers]
     with pytest.raises(ValueError, match="odd"):
-        calls(address, 3)
+        core.call_all(np.array([(core.CALL_PYTHON, id(call)) for call in kept]))
+    assert done == [2, 4]
+
+
+def test_an_interrupt_in_a_decision_leaves_the_races_as_they_were():
+    def interrupt():
+        raise KeyboardInterrupt
+
+    engine = engine_of("gap_finder")
+    engine.tick()
+    engine._calls, before = np.array([(core.CALL_PYTHON, id(interrupt))]), engine.times
+    with pytest.raises(KeyboardInterrupt):
+        engine.tick()
+    assert engine.running.all() and engine.times.tolist() == before.tolist()

@@ -9,7 +9,6 @@ import numpy as np
 
 import fg_mujoco as fg
 from drawn_worlds import lines, seen_from
-from fg_mujoco.compiled.kernels import kernel
 
 
 def solids_of(course, time=0.0):
@@ -30,12 +29,21 @@ class Clearances:
     def __init__(self, solids, low, high, cell):
         self.low, self.cell = np.asarray(low, float), cell
         shape = np.ceil((np.asarray(high) - self.low) / cell).astype(int) + 1
-        corners = [np.ascontiguousarray(solid.corners()) for solid in solids]
-        offsets = np.cumsum([0] + [len(polygon) for polygon in corners])
-        middles = np.array([polygon.mean(axis=0) for polygon in corners])
-        reaches = np.array([np.hypot(*(p - m).T).max() for p, m in zip(corners, middles, strict=True)])
-        around = np.column_stack((middles, reaches))
-        self.values = _distances(np.concatenate(corners), offsets, around, self.low, cell, shape[0], shape[1])
+        axes = [low[i] + self.cell * np.arange(shape[i]) for i in (0, 1)]
+        x, y = axes[0][:, None], axes[1]
+        self.values = np.full(shape, np.inf)
+        for solid in solids:
+            self._approach(solid.corners(), x, y)
+
+    def _approach(self, corners, x, y):
+        """Take in the distance to one more solid, of corners (n, 2) in the order of the clock backwards."""
+        inside = np.ones(self.values.shape, bool)
+        for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            dx, dy = bx - ax, by - ay
+            inside &= dx * (y - ay) - dy * (x - ax) >= 0.0
+            share = np.clip(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
+            np.minimum(self.values, np.hypot(x - ax - share * dx, y - ay - share * dy), out=self.values)
+        self.values[inside] = 0.0
 
     def index(self, points):
         return tuple(np.round((np.atleast_2d(points) - self.low) / self.cell).astype(int).T)
@@ -44,57 +52,23 @@ class Clearances:
         return self.values[self.index(points)]
 
 
-@kernel
-def _distances(corners, offsets, around, low, cell, columns, rows):
-    values = np.empty((columns, rows))
-    for i in range(columns):
-        for j in range(rows):
-            x, y = low[0] + i * cell, low[1] + j * cell
-            least = math.inf
-            for polygon in range(len(offsets) - 1):
-                middle_x, middle_y, reach = around[polygon]
-                if math.hypot(x - middle_x, y - middle_y) - reach > least:
-                    continue
-                first, last = offsets[polygon], offsets[polygon + 1]
-                inside = True
-                for k in range(first, last):
-                    after = k + 1 if k + 1 < last else first
-                    ax, ay = corners[k, 0], corners[k, 1]
-                    dx, dy = corners[after, 0] - ax, corners[after, 1] - ay
-                    if dx * (y - ay) - dy * (x - ax) < 0.0:
-                        inside = False
-                    share = min(max(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0.0), 1.0)
-                    least = min(least, math.hypot(x - ax - share * dx, y - ay - share * dy))
-                if inside:
-                    least = 0.0
-            values[i, j] = least
-    return values
-
-
 def disc_gets_through(clearances, start, goal, radius):
     """Whether a disc [m] can move from start to goal (2,) [m]."""
     free = clearances.values > radius
     return bool(_flood(free, *(int(v[0]) for v in clearances.index(start)))[clearances.index(goal)][0])
 
 
-@kernel
 def _flood(free, i, j):
-    seen = np.zeros(free.shape, np.bool_)
-    stack = np.empty((free.size, 2), np.int64)
-    count = 0
-    if free[i, j]:
-        seen[i, j] = True
-        stack[0, 0], stack[0, 1] = i, j
-        count = 1
-    while count > 0:
-        count -= 1
-        i, j = stack[count]
-        for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            a, b = i + di, j + dj
-            if 0 <= a < free.shape[0] and 0 <= b < free.shape[1] and free[a, b] and not seen[a, b]:
-                seen[a, b] = True
-                stack[count, 0], stack[count, 1] = a, b
-                count += 1
+    """Where a way leads to from a place, over free cells side by side: along rows and columns by turns."""
+    seen, count = np.zeros_like(free), 0
+    seen[i, j] = free[i, j]
+    while np.count_nonzero(seen) > count:
+        count = np.count_nonzero(seen)
+        for _ in range(4):  # each way along both axes
+            free, seen = np.rot90(free), np.rot90(seen)
+            place = np.arange(free.shape[1])
+            last_seen, last_solid = (np.maximum.accumulate(np.where(w, place, -1), axis=1) for w in (seen, ~free))
+            seen = free & (last_seen > last_solid)
     return seen
 
 
@@ -110,46 +84,42 @@ def car_gets_through(clearances, pose, goal_x, car, *, radius, margin=0.0):
     return bool(_drive(clearances.values, clearances.low, clearances.cell, np.array(pose, float), goal_x, body, radius))
 
 
-@kernel
 def _drive(values, low, cell, pose, goal_x, body, radius):
-    step, turns_of_lock, headings = 0.04, 5, 180
-    grid = 0.01
-    columns = int(values.shape[0] * cell / grid) + 1
-    rows = int(values.shape[1] * cell / grid) + 1
-    seen = np.zeros((columns, rows, headings), np.bool_)
-    stack = np.empty((40_000_000, 3))
-    stack[0] = pose
-    count = 1
-    while count > 0:
-        count -= 1
-        x, y, heading = stack[count]
-        if x >= goal_x:
+    step, headings, grid = 0.04, 180, 0.01
+    shape = (*(int(length * cell / grid) + 1 for length in values.shape), headings)
+    seen = np.zeros(shape, bool)
+    turned = np.linspace(-1.0, 1.0, 5) / radius * step
+    waiting = [pose[None]]
+    while waiting:  # depth first, some poses at once
+        poses = waiting.pop()
+        if (poses[:, 0] >= goal_x).any():
             return True
-        for lock in range(turns_of_lock):
-            curvature = (lock / (turns_of_lock - 1) * 2.0 - 1.0) / radius
-            turned = curvature * step
-            middle = heading + 0.5 * turned
-            new_x, new_y, new_heading = x + step * math.cos(middle), y + step * math.sin(middle), heading + turned
-            i, j = int((new_x - low[0]) / grid), int((new_y - low[1]) / grid)
-            k = round(new_heading / (2.0 * math.pi) * headings) % headings
-            if not (0 <= i < columns and 0 <= j < rows) or seen[i, j, k]:
-                continue
-            cos, sin = math.cos(new_heading), math.sin(new_heading)
-            hit = False
-            for point in range(len(body)):
-                px = new_x + cos * body[point, 0] - sin * body[point, 1] - low[0]
-                py = new_y + sin * body[point, 0] + cos * body[point, 1] - low[1]
-                a, b = round(px / cell), round(py / cell)
-                if not (0 <= a < values.shape[0] and 0 <= b < values.shape[1]) or values[a, b] <= 0.0:
-                    hit = True
-                    break
-            if hit:
-                continue
-            seen[i, j, k] = True
-            if count < len(stack):
-                stack[count, 0], stack[count, 1], stack[count, 2] = new_x, new_y, new_heading
-                count += 1
+        x, y, heading = poses.T[:, :, None]
+        middle = heading + 0.5 * turned
+        poses = np.stack((x + step * np.cos(middle), y + step * np.sin(middle), heading + turned), axis=-1)
+        poses = poses.reshape(-1, 3)
+        turns = np.round(poses[:, 2] / (2.0 * math.pi) * headings) % headings
+        places = np.column_stack(((poses[:, :2] - low) / grid, turns)).astype(int)
+        known = (places >= 0).all(axis=1) & (places < shape).all(axis=1)
+        known[known] = ~seen[tuple(places[known].T)]
+        poses, places = poses[known], places[known]
+        free = _is_free(values, (poses[:, :2] - low) / cell, poses[:, 2], body / cell)
+        cells, first = np.unique(np.ravel_multi_index(tuple(places[free].T), shape), return_index=True)
+        seen.flat[cells] = True
+        poses = poses[free][first]
+        waiting += [poses[k : k + 100] for k in range(0, len(poses), 100)]
     return False
+
+
+def _is_free(values, places, headings, body):
+    """Whether points (m, 2) of a body are in free cells, at places (n, 2) and headings (n,). Shape (n,)."""
+    cos, sin = np.cos(headings)[:, None], np.sin(headings)[:, None]
+    i = np.round(places[:, :1] + cos * body[:, 0] - sin * body[:, 1]).astype(int)
+    j = np.round(places[:, 1:] + sin * body[:, 0] + cos * body[:, 1]).astype(int)
+    known = (i >= 0) & (i < values.shape[0]) & (j >= 0) & (j < values.shape[1])
+    free = np.zeros(known.shape, bool)
+    free[known] = values[i[known], j[known]] > 0.0
+    return free.all(axis=1)
 
 
 def ray_distances(solids, origin, headings):

@@ -19,15 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.course.clearance import rectangle_distance
 from fg_mujoco.course.course import CLEAR_BEHIND, Course, outline, wall_outlines
 from fg_mujoco.course.moving_obstacles import KINDS_THAT_MOVE, MovingObstacle, kinds_that_move
 from fg_mujoco.course.obstacles import Obstacle
 from fg_mujoco.course.random_obstacles import SPACING, ObstacleSites
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import CarParameters, FloatArray, shown
+from fg_mujoco.messages import CarParameters, shown
+from fg_mujoco.native import core
 
 MARGIN = 0.05  # [m] least, from anything that moves to a wall
 
@@ -126,9 +125,9 @@ class _Places:
         (x, y), (end_x, end_y) = moving.start, moving.end
         cos, sin = math.cos(moving.heading), math.sin(moving.heading)
         along, across = abs((end_x - x) * cos + (end_y - y) * sin), abs((end_y - y) * cos - (end_x - x) * sin)
-        middle = np.array([0.5 * (x + end_x), 0.5 * (y + end_y), moving.heading])
-        size = np.array([0.5 * (moving.length + along), 0.5 * (moving.width + across)])
-        return _distance(self._walls, middle, size) > 0.8 * MARGIN
+        middle = np.array([[0.5 * (x + end_x), 0.5 * (y + end_y), moving.heading]])
+        half_length, half_width = 0.5 * (moving.length + along), 0.5 * (moving.width + across)
+        return core.least_clearance(middle, self._walls[np.newaxis], 0.0, half_length, half_width) > 0.8 * MARGIN
 
 
 class _Site:
@@ -226,21 +225,3 @@ def pedestrian(
 
 _DRAWN: dict[str, Any] = {"box": _box, "crossing": _crossing, "pedestrian": _pedestrian}
 """Name of a kind of thing that moves -> the function that draws one at a site, or nothing where it does not fit."""
-
-
-@kernel
-def _distance(segments: FloatArray, pose: FloatArray, half: FloatArray) -> float:
-    """Return the least distance from segments (n, 4) to a rectangle at a pose, with half its length and width [m]."""
-    least = math.inf
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    for j in range(len(segments)):
-        from_x, from_y = segments[j, 0] - pose[0], segments[j, 1] - pose[1]
-        to_x, to_y = segments[j, 2] - pose[0], segments[j, 3] - pose[1]
-        least = min(
-            least,
-            rectangle_distance(
-                from_x * cos + from_y * sin, from_y * cos - from_x * sin,
-                to_x * cos + to_y * sin, to_y * cos - to_x * sin, half[0], half[1],
-            ),
-        )  # fmt: skip
-    return least

@@ -195,7 +195,7 @@ class Duel(Run):
                 time_limit=self.seconds if self.placed else self.setup.time_limit, rules="none",
             )  # fmt: skip
             watch = _Watch(self)
-            result = race_setup(setup, watch=watch)
+            result = race_setup(setup, watch=watch, each_tick=True)
         if not watch.decided and any(car.end_reason == "interrupted" for car in result.cars):
             raise KeyboardInterrupt
         return result, watch, share, start
@@ -326,7 +326,8 @@ def time_alone(setup: Setup, start: float, progress: float) -> float:
             there.append(told.time)
 
     first = replace(setup.first, start=Start(s=start))
-    car = race_setup(replace(alone(setup), entries=(first,), laps=(setup.laps or 2) + 1), watch=watch).car
+    longer = replace(alone(setup), entries=(first,), laps=(setup.laps or 2) + 1)
+    car = race_setup(longer, watch=watch, each_tick=True).car
     driven, times = car.column("progress_m"), car.column("time_s")
     at = int(np.searchsorted(driven, progress))
     if at == len(driven):

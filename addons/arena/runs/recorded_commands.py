@@ -28,7 +28,6 @@ from typing import IO
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import CompileTime
 from fg_mujoco.course.files import is_file, read_arrays
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry
@@ -46,7 +45,6 @@ FAILED = ("planner_failed", "decision_limit", "interrupted")
 _RECORD, _BEATS = "record.npz", "beats"
 _STARTS = 60.0  # [s] that the process may take until it reads the planner's code
 _SILENT = 15.0  # [s] beyond the limit of a decision: reading the code, making the world
-_COMPILES = 600  # [s] that compiling may take, of all kernels
 _MOST_TICKS = int(LONGEST_RACE / 0.01)
 _MOST_BYTES = 32 * _MOST_TICKS
 _LONGEST = 2000  # characters of a message
@@ -129,7 +127,7 @@ def _wait(process: subprocess.Popen[bytes], folder: Path, limit: float) -> bool:
         if beats > seen:
             seen, since = beats, time.monotonic()
         silent = time.monotonic() - since
-        if silent > (limit + _SILENT if seen else _STARTS) or seen > _MOST_TICKS + _COMPILES:
+        if silent > (limit + _SILENT if seen else _STARTS) or seen > _MOST_TICKS:
             return False
     return True
 
@@ -165,9 +163,7 @@ def drive(folder: str) -> None:
     threading.Thread(target=_end_with_parent, args=(asked,), daemon=True).start()
     beats = os.open(Path(folder, _BEATS), os.O_WRONLY | os.O_CREAT)
     os.write(beats, b".")
-    with CompileTime() as compile_time:
-        threading.Thread(target=_beat_while_compiling, args=(beats, compile_time), daemon=True).start()
-        recorded = _drive(planner, setup, beats)
+    recorded = _drive(planner, setup, beats)
     end = None if recorded.failed is None else (recorded.failed, recorded.message)
     aside = Path(folder, f"aside-{_RECORD}")
     np.savez(aside, commands=recorded.commands, end=np.frombuffer(json.dumps(end).encode(), np.uint8))
@@ -182,7 +178,7 @@ def _drive(planner: str, setup: Setup, beats: int) -> Recorded:
         choice = ControllerChoice.of(only_planner(planner))
         first = replace(setup.first, controller=choice.source, planner_settings=dict(choice.settings))
         setup = replace(setup, entries=(first, *setup.entries[1:]))
-        car = race_setup(setup, watch=beat).car
+        car = race_setup(setup, watch=beat, each_tick=True).car
     except Exception as error:
         return _nothing("planner_failed", why_failed(error))
     commands = np.column_stack([car.column(name) for name in _COLUMNS])
@@ -191,13 +187,6 @@ def _drive(planner: str, setup: Setup, beats: int) -> Recorded:
     limit = f"no command within {setup.decision_limit or 0.0:g} s at t = {car.end_time_s:.2f} s"
     said = f"it raised KeyboardInterrupt at t = {car.end_time_s:.2f} s" if car.end_reason == "interrupted" else limit
     return Recorded(commands=commands, failed=car.end_reason, message=str(car.planner_failure or said))
-
-
-def _beat_while_compiling(beats: int, compile_time: CompileTime) -> None:
-    while True:
-        time.sleep(1.0)
-        if compile_time.running:
-            os.write(beats, b".")
 
 
 def _end_with_parent(asked: IO[bytes]) -> None:

@@ -9,7 +9,6 @@ acceleration, heading and position come closest to what was measured; Huber's co
 from __future__ import annotations
 
 import importlib.util
-import inspect
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -96,7 +95,7 @@ def force_points(problem: DriveProblem, parameters: FloatArray) -> tuple[FloatAr
     whole = share * cos + 1.0 - share
     force_front = (across_front - share * mass * ax * sin / whole) / (cos + share * sin**2 / whole)
     slips = np.array((angle - np.arctan2(vy + front * r, vx), -np.arctan2(vy - rear * r, vx)))
-    loads = inspect.unwrap(axle_loads)(ax, front, rear, height, mass, gravity)  # of arrays
+    loads = axle_loads(ax, front, rear, height, mass, gravity)
     return slips, np.array((force_front, force_rear)) / loads
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.messages import FloatArray
 
-from ..single_track import STATES, TIRE, car_array, simulate
+from ..single_track import STATES, TIRE, SimulatedDrive, car_array, simulate
 from .drive_log import SLOWEST, Drive
 from .smoothed_motion import NOISE, STEP, Motion, smooth
 from .steering_response import Steering
@@ -146,10 +146,11 @@ class DriveProblem:
         angles = self.angles(parameters)
         car = self.car.copy()
         car[1] *= parameters[INERTIA]
-        simulate(
-            np.ascontiguousarray(parameters[:8]), car, parameters[12], parameters[ROLL], angles,
-            motion.forward_speed, motion.forward_acceleration, STEP, self.segments, np.ascontiguousarray(starts), out,
+        drive = SimulatedDrive(
+            parameters[:8], car, parameters[12], parameters[ROLL], angles, motion.forward_speed,
+            motion.forward_acceleration, STEP,
         )  # fmt: skip
+        simulate(drive, self.segments, np.ascontiguousarray(starts), out)
         return out
 
     def measured(self, parameters: FloatArray, nodes: FloatArray) -> FloatArray:

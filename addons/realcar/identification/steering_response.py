@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
+from fg_mujoco.native import core
 
 from ..drives.channels import Channel
 
@@ -40,40 +40,5 @@ class Steering:
         limit = self._limit if limit is None or math.isinf(self._limit) else limit
         out = np.empty(len(self._time))
         targets = np.clip(gain * self._values + offset, -limit, limit)
-        _follow(self._knots + delay, targets, gain * self._slopes, self._time, lag, self._rate, out)
+        core.follow_targets((self._knots + delay, targets, gain * self._slopes), self._time, lag, self._rate, out)
         return out
-
-
-@kernel
-def _follow(
-    knots: FloatArray, targets: FloatArray, slopes: FloatArray, time: FloatArray, lag: float, rate: float,
-    out: FloatArray,
-) -> None:  # fmt: skip
-    """Write the angle at each time, exact whenever the targets change: between two knots each has a constant slope."""
-    piece, now = max(np.searchsorted(knots, time[0], "right") - 1, 0), time[0]
-    angle = targets[piece] + slopes[piece] * (now - knots[piece])
-    for i in range(len(time)):
-        while now < time[i]:
-            until = time[i]
-            if piece + 1 < len(knots):
-                until = min(until, knots[piece + 1])
-            target = targets[piece] + slopes[piece] * (now - knots[piece])
-            angle = _turned(angle, target, slopes[piece], lag, rate, until - now)
-            now = until
-            if piece + 1 < len(knots) and now >= knots[piece + 1]:
-                piece += 1
-        out[i] = angle
-
-
-@inlined
-def _turned(angle: float, target: float, slope: float, lag: float, rate: float, seconds: float) -> float:
-    """Return the angle after some time; a servo with a greatest rate has a target that stays."""
-    left, away = seconds, target - angle
-    if slope == 0.0 and abs(away) > rate * lag:
-        turning = min(left, (abs(away) - rate * lag) / rate)
-        angle += math.copysign(rate * turning, away)
-        left -= turning
-    if lag == 0.0:
-        return target + slope * seconds if left > 0.0 else angle
-    end = target + slope * (seconds - lag)
-    return end + (angle - target + slope * lag) * math.exp(-left / lag)

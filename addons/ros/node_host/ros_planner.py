@@ -47,7 +47,7 @@ from .services import Call
 from .transform_modules import transform_modules
 
 WALL_LIMIT = 30.0
-"""[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
+"""[s] of wall time that a node may take for what is due at one instant: it may load, or compile, in there."""
 _OF_GYM = "1080"  # beams of f1tenth_gym_ros, which many nodes have in them
 _SEED = 0  # of random numbers that a node draws without a seed of its own
 PATIENCE = 5.0

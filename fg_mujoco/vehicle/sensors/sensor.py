@@ -41,7 +41,7 @@ _ANY_RATE = 1e6  # [Hz]; the physics steps say which rates there are
 class CarState:
     """State of a car at one moment, for a sensor to measure. The arrays are the engine's own: do not change them.
 
-    The kernels of `fg_mujoco.vehicle.motion` take `qpos`, `qvel` and `constants`.
+    The functions of `fg_mujoco.vehicle.motion` take `qpos`, `qvel` and `constants`.
     """
 
     time: float  # [s] since the start

@@ -12,8 +12,6 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...compiled.kernels import kernel
-from ...messages import FloatArray
 from .law import Layer
 
 
@@ -44,11 +42,3 @@ class Brush(Layer):
     def numbers(self) -> tuple[float, ...]:
         """Friction, and a third of the stiffness."""
         return self.D, self.stiffness / 3.0
-
-
-@kernel
-def force(numbers: FloatArray, slip: float) -> float:
-    """Return the force over the load [-] at a slip without sign; `numbers` of Brush."""
-    rest = 1.0 - min(numbers[1] * slip, 1.0)
-    found: float = numbers[0] * (1.0 - rest * rest * rest)
-    return found

@@ -15,8 +15,6 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...compiled.kernels import kernel
-from ...messages import FloatArray
 from .law import Layer
 
 
@@ -51,10 +49,3 @@ class Coulomb(Layer):
     def numbers(self) -> tuple[float, ...]:
         """Friction, and stiffness."""
         return self.D, self.stiffness
-
-
-@kernel
-def force(numbers: FloatArray, slip: float) -> float:
-    """Return the force over the load [-] at a slip without sign; `numbers` of Coulomb."""
-    found: float = numbers[0] * min(numbers[1] * slip, 1.0)
-    return found

@@ -14,9 +14,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from ...compiled.kernels import kernel
 from ...errors import SettingsError
-from ...messages import FloatArray, require
+from ...messages import require
 from .law import Law
 
 
@@ -75,12 +74,3 @@ class FrictionCurve(Law):
     def numbers(self) -> tuple[float, ...]:
         """Its values."""
         return self.extremum_slip, self.extremum_value, self.asymptote_slip, self.asymptote_value
-
-
-@kernel
-def force(numbers: FloatArray, slip: float) -> float:
-    """Return the force over the load [-] at a slip without sign; `numbers` of FrictionCurve."""
-    x = min(slip / numbers[0], 1.0)
-    y = min(max((slip - numbers[0]) / (numbers[2] - numbers[0]), 0.0), 1.0)
-    found: float = numbers[1] * x * (1.0 + x * (1.0 - x)) - (numbers[1] - numbers[3]) * y * y * (3.0 - 2.0 * y)
-    return found

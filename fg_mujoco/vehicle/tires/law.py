@@ -1,8 +1,8 @@
 """A tire law: the force of a tire over its load, by its slip in one direction.
 
-A law is a frozen dataclass. A bundled one has a module of its own, with a kernel `force` of its numbers; one of a
-user's own is `sampled`. `tire_forces` does for all laws what they share: load, deflection of the contact patch, slip of
-both directions at once, damping.
+A law is a frozen dataclass. A bundled one has a module of its own, and a function of its numbers in
+native/vehicle/tires.hpp; one of a user's own is `sampled`. `tire_forces` does for all laws what they share: load,
+deflection of the contact patch, slip of both directions at once, damping.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...errors import SettingsError
 from ...messages import FloatArray, require
 
 NUMBERS = 197
-"""Number of values of a law that a kernel gets."""
+"""Number of values of a law that the native core gets."""
 
 GREATEST_SLIP = 1.0
 """[-] Greatest slip that a tire takes on: that of a locked wheel. A wheel that slides more has the force of this."""
@@ -61,7 +61,7 @@ class Law:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The values for its kernel, up to NUMBERS of them; nothing of a law without one."""
+        """The values for its native function, up to NUMBERS of them; nothing of a law without one."""
         return ()
 
     @property

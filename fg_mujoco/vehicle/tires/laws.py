@@ -1,4 +1,4 @@
-"""The tire laws by name, the kernel that calls the right one, and those of a user's own."""
+"""The tire laws by name, and those of a user's own; native/vehicle/tires.hpp has the forces of all of them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from types import ModuleType
 
-from ...compiled.kernels import kernel
 from ...course.files import read_setting
 from ...errors import SettingsError, accepted_names
-from ...messages import FloatArray
+from ...native import core
 from ...registry import Registry
-from . import brush, coulomb, friction_curve, linear, magic_formula, sampled
 from .brush import Brush
 from .coulomb import Coulomb
 from .friction_curve import FrictionCurve
@@ -26,31 +24,14 @@ CONTACT = "contact"
 """Model of tires that MuJoCo's own contacts carry, friction included; it has no curve of ours."""
 
 LAWS: tuple[type[Law], ...] = (Coulomb, MagicFormula, Linear, Brush, FrictionCurve, Sampled, SampledBristles)
-"""Their places are the numbers by which kernels and compiled models know them."""
+"""Their places are the numbers by which the native core and compiled models know them."""
 
 LAW_OF = {law.model: law for law in LAWS}
 MODELS = (CONTACT, *LAW_OF)
 
 _MOST_BYTES = 2**20  # of the file of a law
 
-_COULOMB, _MAGIC_FORMULA, _LINEAR, _BRUSH, _FRICTION_CURVE = range(5)
-
-
-@kernel
-def curve_force(law: int, numbers: FloatArray, slip: float) -> float:
-    """Return the force over the load [-] of a law's tire at a slip without sign; `numbers` (NUMBERS,) are its row."""
-    if law == _COULOMB:
-        return coulomb.force(numbers, slip)
-    if law == _MAGIC_FORMULA:
-        return magic_formula.force(numbers, slip)
-    if law == _LINEAR:
-        return linear.force(numbers, slip)
-    if law == _BRUSH:
-        return brush.force(numbers, slip)
-    if law == _FRICTION_CURVE:
-        return friction_curve.force(numbers, slip)
-    return sampled.force(numbers, slip)
-
+curve_force = core.curve_force
 
 _LAWS: Registry[type[Law]] = Registry("tire law", SettingsError, "fg_mujoco.tire_laws", LAW_OF, type)
 

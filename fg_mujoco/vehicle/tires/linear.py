@@ -9,8 +9,6 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...compiled.kernels import kernel
-from ...messages import FloatArray
 from .law import Layer
 
 
@@ -40,10 +38,3 @@ class Linear(Layer):
     def numbers(self) -> tuple[float, ...]:
         """D, and its product with the stiffness."""
         return self.D, self.slope
-
-
-@kernel
-def force(numbers: FloatArray, slip: float) -> float:
-    """Return the force over the load [-] at a slip without sign; `numbers` of Linear."""
-    found: float = numbers[1] * slip
-    return found

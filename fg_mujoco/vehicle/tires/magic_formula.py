@@ -13,9 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...compiled.kernels import kernel
 from ...errors import SettingsError
-from ...messages import FloatArray, require
+from ...messages import require
 from .law import GREATEST_SLIP, Law
 
 _NEAR_PEAK = 0.99  # [-] of a curve's greatest force: where a curve without a falling branch has its peak
@@ -129,11 +128,3 @@ def _peak_slip(curve: MagicFormula) -> float:
         else:
             high -= third
     return float(0.5 * (low + high))
-
-
-@kernel
-def force(numbers: FloatArray, slip: float) -> float:
-    """Return the force over the load [-] at a slip without sign; `numbers` of MagicFormula."""
-    x = numbers[0] * min(slip, numbers[4])
-    found: float = numbers[2] * math.sin(numbers[1] * math.atan(x - numbers[3] * (x - math.atan(x))))
-    return found

@@ -1,7 +1,7 @@
-"""A law of a user's own, as kernels know it: its force, sampled.
+"""A law of a user's own, as the native core knows it: its force, sampled.
 
-A set that names a class in a file (docs/howto/own_tire_law.md) gets a table of its force, which moves a car: kernels,
-worker processes and replays run no code of the file. Between two nodes the force is a cubic of the slip's root,
+A set that names a class in a file (docs/howto/own_tire_law.md) gets a table of its force, which moves a car: the native
+core, worker processes and replays run no code of the file. Between two nodes the force is a cubic of the slip's root,
 monotone where the nodes are, so it passes none of their peaks.
 """
 
@@ -14,9 +14,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...compiled.kernels import kernel
 from ...errors import SettingsError
 from ...messages import FloatArray
+from ...native import core
 from .law import GREATEST_SLIP, Law
 
 CELLS = 96
@@ -46,7 +46,7 @@ class Sampled(Law):
 
     def force(self, slip: float) -> float:
         """Return the force over the load [-] at a slip [rad or -], which has its sign."""
-        return math.copysign(force(np.array(self.table), abs(slip)), slip)
+        return math.copysign(core.sampled_force(np.array(self.table), abs(slip)), slip)
 
     @property
     def slope(self) -> float:
@@ -87,20 +87,8 @@ class SampledBristles(Sampled):
     holds: ClassVar[bool] = True
 
 
-@kernel
-def force(numbers: FloatArray, slip: float) -> float:
-    """Return the force over the load [-] at a slip without sign; `numbers` of Sampled."""
-    place = CELLS * math.sqrt(min(slip / numbers[_REACH], 1.0))
-    cell = min(int(place), CELLS - 1)
-    part, low = place - cell, _NODES + 2 * cell
-    step, rise = numbers[low + 2] - numbers[low], numbers[low + 1]
-    bend = 3.0 * step - 2.0 * rise - numbers[low + 3]
-    found: float = numbers[low] + part * (rise + part * (bend + part * (rise + numbers[low + 3] - 2.0 * step)))
-    return found
-
-
 def sampled(law: Law, where: str) -> Sampled:
-    """Return a law of a user's own as kernels know it; SettingsError: it is not so."""
+    """Return a law of a user's own as the native core knows it; SettingsError: it is not so."""
     slope, peak, peak_slip = (_told(law, name, where) for name in ("slope", "peak", "peak_slip"))
     has_peak = law.slides and math.isfinite(peak_slip)
     reach = peak_slip if law.holds and has_peak else GREATEST_SLIP

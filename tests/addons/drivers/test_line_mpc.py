@@ -34,10 +34,10 @@ def a_program(seed, count=6):
     return [*program, rng.uniform(0.1, 1.0, count), rng.normal(size=count), limits, rng.normal(size=size)]
 
 
-def solved(program, most=ltv_program.MOST_ITERATIONS):
+def solved(program, most=30):
     """Return the steps that the solver took, the inputs, and the states."""
     inputs, states = np.empty(len(program[1])), np.empty(program[3].shape)
-    return ltv_program.solve_program(*program, inputs, states, most), inputs, states
+    return ltv_program.solve_program(tuple(program), inputs, states, most), inputs, states
 
 
 def rolled_out(program, inputs):
@@ -101,9 +101,9 @@ def system_of(planner, ahead, size):
     driver = planner.driver[0]
     a, b, c = np.zeros((STEPS, size, size)), np.zeros((STEPS, size)), np.zeros((STEPS, size))
     if size == 5:
-        line_mpc._single_track(ahead, driver, a, b, c)
+        line_mpc.single_track(ahead, driver, a, b, c)
     else:
-        line_mpc._kinematic(ahead, driver["car"], a, b, c)
+        line_mpc.kinematic(ahead, driver["car"], a, b, c)
     return a[0], b[0], c[0]
 
 
@@ -174,7 +174,7 @@ def test_a_plan_begins_where_the_car_is_once_its_command_arrives():
         x, y = x + 4.0 * step * math.cos(heading), y + 4.0 * step * math.sin(heading)
         heading += 4.0 * step * math.tan(angle) / CAR.wheelbase
         angle += (0.2 - angle) * step / CAR.steering_time_constant
-    found = line_mpc._place_at_command(odometry[0], row, 0.1, plan[0])
+    found = line_mpc.place_at_command(odometry[0], row, 0.1, plan[0])
     assert found == pytest.approx((x, y, heading, angle), abs=0.015) and heading > 0.39
 
 

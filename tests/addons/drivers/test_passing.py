@@ -13,7 +13,6 @@ from cases import each
 from fg_mujoco.addons.drivers.corridor import (
     HEADING,
     LEFT,
-    MOST_POINTS,
     RIGHT,
     STEP,
     X,
@@ -32,18 +31,19 @@ from scan_worlds import CAR, MU, corridor
 PLANNER = Overtaker(CAR, MU)
 SETTINGS, DRIVER = PLANNER.settings_row[0], PLANNER.driver[0]
 DRIVEN_CAR = DRIVER["car"]
+POINTS = 768  # of the walls, at most
 
 
 def points_of(left, right):
     scan = corridor(left, right)
-    points = np.empty((MOST_POINTS, 2))
+    points = np.empty((POINTS, 2))
     return points, ground_points(geometry_record(scan)[0], np.array(scan.ranges), points)
 
 
 def ring(radius, half_width):
     """Points of the walls of a ring to the left, through whose middle the LiDAR drives."""
     turns = np.linspace(0.0, 2.0 * math.pi, 180, endpoint=False)
-    points = np.empty((MOST_POINTS, 2))
+    points = np.empty((POINTS, 2))
     for k, wall in enumerate((radius - half_width, radius + half_width)):
         points[180 * k : 180 * (k + 1)] = np.stack((wall * np.sin(turns), radius - wall * np.cos(turns)), axis=1)
     return points, 360
