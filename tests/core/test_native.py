@@ -3,6 +3,7 @@
 import ctypes
 import hashlib
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -246,6 +247,19 @@ def test_another_mujoco_is_named_in_one_line_with_the_command_that_mends_it(vers
     source.write_text(f"int mj_version(void) {{ return {version}; }}")
     subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
     assert is_refused(library, said)
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64" or platform.libc_ver()[0] != "glibc", reason="of glibc on x86-64")
+def test_with_one_variant_of_the_c_library_an_older_processor_gives_the_same_bits():
+    """As docs/concepts.md says. NumPy's variants change nothing."""
+    race = "import fg_mujoco as fg; print(fg.race('hairpins', time_limit=3.0).trajectory_sha256)"
+    told = "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2"
+    found = set()
+    for without, numpys in (("", ""), (",-AVX,-SSE4_1", ""), ("", "X86_V3 X86_V4")):
+        environment = {**os.environ, "GLIBC_TUNABLES": told + without, "NPY_DISABLE_CPU_FEATURES": numpys}
+        command = [sys.executable, "-W", "ignore", "-c", race]
+        found.add(subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout)
+    assert len(found) == 1
 
 
 def needed_by(**environment):
