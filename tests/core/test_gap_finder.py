@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco.addons.drivers.pure_pursuit import PurePursuit
 from fg_mujoco.controllers.control.stages import NativeStep
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.errors import ControllerError
@@ -146,7 +145,3 @@ def test_a_planner_with_other_settings_refers_by_the_function_that_it_derives():
 
     assert not isinstance(Longer.refer, NativeStep)
     assert Longer(CAR, MU)(corridor(1.0, 1.3), odometry_of(2.0)) == finder()(corridor(1.0, 1.3), odometry_of(2.0))
-    with pytest.raises(ControllerError, match="Other has other Settings or another memory_type than its native"):
-
-        class Other(PurePursuit):
-            Settings = LongerSettings

@@ -13,8 +13,9 @@ from cases import each
 from fg_mujoco.addons.drivers.line_trackers import lqr_feedback
 from fg_mujoco.addons.drivers.pure_pursuit import PurePursuit, PurePursuitSettings
 from fg_mujoco.controllers.control.slip import steered
+from fg_mujoco.controllers.gap_finder import GapFinderSettings
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import MapLine
 from scan_worlds import CAR, MU, corridor, odometry_of, rows_of
 from vehicle_worlds import open_file
@@ -206,3 +207,11 @@ def test_map_laps_on_tires_that_need_slip_angles():
     planner = "pure_pursuit[line=raceline,margin=0.2,tracker=map]"
     car = fg.race("hairpins", planner, laps=1, tires="f1tenth_gym").car
     assert car.end_reason == "finished" and math.isnan(car.max_slide_m_s)  # these tires have no peak to slide past
+
+
+def test_a_planner_with_other_settings_needs_a_reference_of_its_own():
+    """The native one would read them as those that it knows."""
+    with pytest.raises(ControllerError, match="Other has other Settings or another memory_type than its native"):
+
+        class Other(PurePursuit):
+            Settings = GapFinderSettings
