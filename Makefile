@@ -78,8 +78,8 @@ sanitize:
 	@test -d build/sanitize/.git || { rm -rf build/sanitize && git clone -q . build/sanitize; }
 	@cd build/sanitize && git fetch -q origin HEAD && git checkout -q --detach FETCH_HEAD
 	+@$(SANITIZED) $(MAKE) --no-print-directory -C build/sanitize .venv/.ready
-	@cd build/sanitize && LD_PRELOAD=$$($${CXX:-g++} -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
-	    .venv/bin/python -m pytest -n auto --dist loadfile $(ARGS)
+	@cd build/sanitize && libraries=$$(for each in libasan.so libstdc++.so; do $${CXX:-g++} -print-file-name=$$each; done) && \
+	    LD_PRELOAD=$$(echo $$libraries) ASAN_OPTIONS=detect_leaks=0 .venv/bin/python -m pytest -n auto --dist loadfile $(ARGS)
 
 ## make quick   of what differs from main, the tests that are not slow; at most a minute
 quick: $(READY)

@@ -17,7 +17,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import tempfile
 from collections.abc import Iterator
 from importlib.metadata import distributions
 from pathlib import Path
@@ -88,19 +87,19 @@ def _with_compiler() -> Iterator[None]:
     if not lacks_compiler():
         yield
         return
-    with tempfile.TemporaryDirectory() as folder:
-        for name in ("c++", "ar", "ranlib"):
-            command = Path(folder, f"zig-{name}")
-            command.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m ziglang {name} "$@"\n')
-            command.chmod(0o700)
-        before = os.environ.get("CMAKE_ARGS", "")
-        os.environ["CXX"] = f"{folder}/zig-c++"
-        os.environ["CMAKE_ARGS"] = f"{before} -DCMAKE_AR={folder}/zig-ar -DCMAKE_RANLIB={folder}/zig-ranlib".strip()
-        try:
-            yield
-        finally:
-            del os.environ["CXX"]
-            os.environ["CMAKE_ARGS"] = before
+    folder = Path("build", "ziglang").resolve()  # where CMake finds it when it builds again
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("c++", "ar", "ranlib"):
+        (folder / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m ziglang {name} "$@"\n')
+        (folder / name).chmod(0o755)
+    before = os.environ.get("CMAKE_ARGS", "")
+    os.environ["CXX"] = f"{folder}/c++"
+    os.environ["CMAKE_ARGS"] = f"{before} -DCMAKE_AR={folder}/ar -DCMAKE_RANLIB={folder}/ranlib".strip()
+    try:
+        yield
+    finally:
+        del os.environ["CXX"]
+        os.environ["CMAKE_ARGS"] = before
 
 
 def build_wheel(*arguments: Any, **named: Any) -> str:
