@@ -26,7 +26,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 INSTALL := $(PIP) install -c $(CONSTRAINTS)
 
 # Installs what the build needs, and then what follows. A compiler that had to be installed for it is removed again.
-BUILD := needed=$$($(BIN)/python native/build_backend.py) || exit 1; $(INSTALL) --no-compile $$needed && \
+BUILD := needed=$$($(BIN)/python native/build_backend.py) || exit 1; $(INSTALL) --no-deps --no-compile $$needed && \
     trap 'case "$$needed" in *ziglang*) $(PIP) uninstall --yes ziglang ;; esac' EXIT && $(INSTALL) --no-build-isolation
 
 # What a race needs, with its report and picture; nothing is compiled before it is imported.
