@@ -125,9 +125,6 @@ def tightest_arc(slip: _Record, speed: float) -> float:
 def lock_arc(slip: _Record, car: _Record) -> float:
     """Return the angle [rad] of the tightest arc of a slow car."""
 
-def fastest_on(slip: _Record, angle: float, least: float) -> float:
-    """Return the greatest speed [m/s] on the arc of an angle [rad], or `least`."""
-
 def stable_braking(slip: _Record, use: float, speed: float) -> float:
     """Return the braking over g up to which a car is stable."""
 
@@ -136,12 +133,6 @@ def held_arc(slip: _Record, car: _Record, angle: float, curvature: float) -> flo
 
 def path_lag(slip: _Record, speed: float) -> float:
     """Return the way [m] over which the path of a car follows its steering."""
-
-def late_on_path(slip: _Record, car: _Record, speed: float) -> float:
-    """Return by how much later than the F1TENTH car's the path of a car follows its commands [s]."""
-
-def velocity_angle(slip: _Record, car: _Record, speed: float, yaw_rate: float) -> float:
-    """Return the direction in which the rear axle moves, from the car's heading [rad]."""
 
 def drag(car: _Record, speed: float) -> float:
     """Return by how much friction of gears and of rolling slows a car [m/s^2]."""
@@ -154,9 +145,6 @@ def friction_speed(steering_angle: float, mu: float, wheelbase: float, gravity: 
 
 def friction_steering(speed: float, mu: float, wheelbase: float, gravity: float) -> float:
     """Return the greatest steering angle [rad] at a speed [m/s]."""
-
-def share_of_way(period: float, time_constant: float) -> float:
-    """Return the share of its way that a servo of first order comes in a time [s]."""
 
 def distance_ahead_speed(distance: float, safe: float, full_speed: float, top_speed: float) -> float:
     """Return a speed [m/s] by the distance straight ahead [m]."""
@@ -455,9 +443,6 @@ def nearest_beam(angle_min: float, angle_increment: float, ahead: float, left: f
 
 def beams_between(geometry: _Record, count: int, right: float, left: float) -> tuple[int, int]:
     """Return the beams with bearings from `right` to `left` [rad], of so many: first, and last + 1."""
-
-def period_of(geometry: _Record) -> float:
-    """Return the time between commands [s]."""
 
 # controllers/safety: things that move, turns, recovery and planned stops
 

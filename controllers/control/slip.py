@@ -205,9 +205,6 @@ tightest_arc = core.tightest_arc
 lock_arc = core.lock_arc
 """Return the angle [rad] of the tightest arc of a slow car: the lock, less what a wound-up shaft takes of it."""
 
-fastest_on = core.fastest_on
-"""Return the greatest speed [m/s] at which lock and critical speed leave the arc of `angle` [rad], or `least`."""
-
 stable_braking = core.stable_braking
 """Return the braking over g up to which a car that corners with a share of the grip does not turn in by itself.
 
@@ -225,12 +222,6 @@ turned out by as much as the path of the car is tighter than their arc.
 
 path_lag = core.path_lag
 """Return the way [m] over which the path of a car follows its steering: v^2 s / a for a slip angle s at a."""
-
-late_on_path = core.late_on_path
-"""Return by how much later the path of a car follows its commands than the F1TENTH car's [s], see `path_lag`."""
-
-velocity_angle = core.velocity_angle
-"""Return the direction in which the rear axle moves, from the car's heading [rad]; 0 of tires that are not soft."""
 
 drag = core.drag
 """Return by how much friction of gears and of rolling slows a car [m/s^2] that drives forward at a speed [m/s]."""

@@ -48,9 +48,6 @@ def lifting_share(car: CarParameters, steering_angle: float) -> float:
     return min(car.front_axle_distance / b / (aside + forward), car.rear_axle_distance / b / max(aside - forward, 1e-9))
 
 
-share_of_way = core.share_of_way
-"""Return the share of the way to its set point that a servo of first order comes in a time [s]."""
-
 mean_range_speed = core.mean_range_speed
 """Return a speed [m/s] by the mean of `ranges` (n,), none longer than the lookahead: slow where it is tight.
 

@@ -46,6 +46,3 @@ bearings_of = core.bearings_of
 
 beams_between = core.beams_between
 """Return the beams with bearings from `right` to `left` [rad], of so many: first, and last + 1."""
-
-period_of = core.period_of
-"""Return the time between commands [s]."""

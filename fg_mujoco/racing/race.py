@@ -133,7 +133,11 @@ def race_setup(
       watch: called between ticks, at most 20 times a second of wall time, and after the last one.
       each_tick: `watch` is called after every tick.
     """
-    every = 0.0 if each_tick else _WATCHED_EVERY  # [s]
+    return _race(setup, watch, 0.0 if each_tick else _WATCHED_EVERY)
+
+
+def _race(setup: Setup, watch: Callable[[RaceProgress], None] | None, every: float) -> RaceResult:
+    """Race what a setup says and call `watch` `every` so often [s]; arguments and errors are those of `race_setup`."""
     raced = Resolved.of(setup)
     world, entries, names, alone = raced.world, raced.entries, raced.names, len(raced.entries) == 1
     if not alone:

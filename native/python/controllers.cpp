@@ -6,10 +6,10 @@
 #include "../controllers/control/slip.hpp"
 #include "../controllers/control/speed.hpp"
 #include "../controllers/control/steering.hpp"
-#include "../controllers/control/steps.hpp"
 #include "../controllers/control/tracking.hpp"
 #include "bindings.hpp"
 #include "callable.hpp"
+#include "tables.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -70,14 +70,6 @@ void checked_tightest(Slip& slip, Numbers speeds, Numbers forces, double lock, d
     find_tightest(slip, speeds, forces, lock, wheelbase, gravity);
 }
 
-void bind_steps(nb::module_& module) {
-    nb::dict addresses;
-    const Row<const NamedStep> all = steps();
-    for (std::int64_t i = 0; i < all.length; ++i)
-        addresses[all[i].name] = reinterpret_cast<std::intptr_t>(all[i].call);
-    module.attr("STEPS") = addresses;  // by name: functions in C of the address of a stage's table, see planner_batch.py
-}
-
 void bind_slip(nb::module_& module) {
     module.def("slip_angle", callable(slip_angle), "axle"_a, "force"_a);
     module.def("held_on_arc", callable(held_on_arc), "slip"_a, "car"_a, "angle"_a, "lateral"_a, "back"_a, "brakes"_a,
@@ -88,12 +80,9 @@ void bind_slip(nb::module_& module) {
                "gravity"_a);
     module.def("tightest_arc", callable(tightest_arc), "slip"_a, "speed"_a);
     module.def("lock_arc", callable(lock_arc), "slip"_a, "car"_a);
-    module.def("fastest_on", callable(fastest_on), "slip"_a, "angle"_a, "least"_a);
     module.def("stable_braking", callable(stable_braking), "slip"_a, "use"_a, "speed"_a);
     module.def("held_arc", callable(held_arc), "slip"_a, "car"_a, "angle"_a, "curvature"_a);
     module.def("path_lag", callable(path_lag), "slip"_a, "speed"_a);
-    module.def("late_on_path", callable(late_on_path), "slip"_a, "car"_a, "speed"_a);
-    module.def("velocity_angle", callable(velocity_angle), "slip"_a, "car"_a, "speed"_a, "yaw_rate"_a);
     module.def("drag", callable(drag), "car"_a, "speed"_a);
     module.def("ground_speed", callable(ground_speed), "slip"_a, "car"_a, "wheels"_a, "angle"_a, "command"_a);
 }
@@ -101,7 +90,6 @@ void bind_slip(nb::module_& module) {
 void bind_laws(nb::module_& module) {
     module.def("friction_speed", callable(friction_speed), "steering_angle"_a, "mu"_a, "wheelbase"_a, "gravity"_a);
     module.def("friction_steering", callable(friction_steering), "speed"_a, "mu"_a, "wheelbase"_a, "gravity"_a);
-    module.def("share_of_way", callable(share_of_way), "period"_a, "time_constant"_a);
     module.def("distance_ahead_speed", callable(distance_ahead_speed), "distance"_a, "safe"_a, "full_speed"_a,
                "top_speed"_a);
     module.def("mean_range_speed", callable(mean_range_speed), "ranges"_a, "lookahead"_a, "gain"_a, "top_speed"_a);
@@ -134,7 +122,8 @@ void bind_driving(nb::module_& module) {
 }  // namespace
 
 void bind_controllers(nb::module_& module) {
-    bind_steps(module);
+    module.attr("STEPS") = nb::dict();
+    add_steps(module, steps());
     bind_slip(module);
     bind_laws(module);
     bind_driving(module);

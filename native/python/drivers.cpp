@@ -1,4 +1,4 @@
-// Binds native/addons/drivers: the steps of pure pursuit and its trackers, profiles of lines, and functions for tests.
+// Binds native/addons/drivers: the steps of all, profiles of lines, and functions for tests.
 // Shapes that do not fit together are refused with a ValueError.
 #include "../addons/drivers/line_mpc.hpp"
 #include "../addons/drivers/line_profile.hpp"
@@ -9,6 +9,7 @@
 #include "../addons/drivers/steps.hpp"
 #include "bindings.hpp"
 #include "callable.hpp"
+#include "tables.hpp"
 #include "tuple_casters.hpp"
 
 namespace nb = nanobind;
@@ -106,10 +107,10 @@ void checked_room(Matrix line, Matrix normals, const Walls& walls, std::tuple<do
 }  // namespace
 
 void bind_drivers(nb::module_& module) {
-    nb::dict addresses = module.attr("STEPS");
-    const Row<const NamedStep> all = driver_steps();
-    for (std::int64_t i = 0; i < all.length; ++i)
-        addresses[all[i].name] = reinterpret_cast<std::intptr_t>(all[i].call);
+    add_steps(module, driver_steps());
+    FG_ADD(Mpc);
+    FG_ADD(OnLine);
+    FG_ADD(PurePursuitSettings);
     module.attr("LINE_ROOM") = line_room;
     module.attr("WALL_CELL") = walls_cell;
     module.attr("MPC_STEPS") = mpc_steps;

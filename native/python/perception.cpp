@@ -143,7 +143,6 @@ void bind_geometry(nb::module_& module) {
     module.def("bearings_of", callable(checked_bearings), "geometry"_a, "first"_a, "end"_a);
     module.def("nearest_beam", callable(nearest_beam), "angle_min"_a, "angle_increment"_a, "ahead"_a, "left"_a);
     module.def("beams_between", callable(beams_between), "geometry"_a, "count"_a, "right"_a, "left"_a);
-    module.def("period_of", callable(period_of), "geometry"_a);
 }
 
 }  // namespace

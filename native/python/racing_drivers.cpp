@@ -1,8 +1,8 @@
-// Binds the drivers among other cars of native/addons/drivers: their steps by their addresses, and functions for tests.
+// Binds the drivers among other cars of native/addons/drivers: their records, and functions for tests.
 #include "../addons/drivers/overtaker.hpp"
-#include "../addons/drivers/racing_steps.hpp"
 #include "bindings.hpp"
 #include "callable.hpp"
+#include "tables.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -37,10 +37,12 @@ std::int64_t checked_boxes(const ScanGeometry& geometry, Numbers ranges, double 
 }  // namespace
 
 void bind_racing_drivers(nb::module_& module) {
-    nb::dict addresses = nb::cast<nb::dict>(module.attr("STEPS"));
-    const Row<const NamedStep> all = racing_steps();
-    for (std::int64_t i = 0; i < all.length; ++i)
-        addresses[all[i].name] = reinterpret_cast<std::intptr_t>(all[i].call);
+    FG_ADD(CarSeen);
+    FG_ADD(OtherCars);
+    FG_ADD(OvertakerSettings);
+    FG_ADD(Passing);
+    FG_ADD(Racing);
+    FG_ADD(Told);
     module.def("ground_points", callable(checked_points), "geometry"_a, "ranges"_a, "points"_a);
     module.def("room_beside", callable(checked_room), "points"_a, "count"_a, "x"_a, "y"_a, "heading"_a);
     module.def("walk", callable(checked_walk), "points"_a, "count"_a, "x"_a, "y"_a, "heading"_a, "path"_a);

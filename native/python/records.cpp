@@ -1,9 +1,6 @@
 // Binds the layouts of all records, for fg_mujoco/native.py to compare with Python's types.
 #include <nanobind/nanobind.h>
 
-#include "../addons/drivers/line_mpc.hpp"
-#include "../addons/drivers/passing.hpp"
-#include "../addons/drivers/pure_pursuit.hpp"
 #include "../controllers/control/actuation.hpp"
 #include "../controllers/control/driving.hpp"
 #include "../controllers/control/planner_settings.hpp"
@@ -31,31 +28,18 @@
 #include "../vehicle/motion.hpp"
 #include "../vehicle/tire_rows.hpp"
 #include "bindings.hpp"
+#include "tables.hpp"
 
 namespace nb = nanobind;
 
 namespace fg {
-namespace {
-
-template <class Record>
-void add(nb::dict& records, const char* name) {
-    const Layout layout = layout_of<Record>();
-    nb::dict fields;
-    for (const auto& [field, offset] : layout.fields) fields[field] = offset;
-    records[name] = nb::make_tuple(layout.size, fields);
-}
-
-}  // namespace
-
 void bind_records(nb::module_& module) {
-    nb::dict records;
-#define FG_ADD(Record) add<Record>(records, #Record)
+    module.attr("RECORDS") = nb::dict();
     FG_ADD(Axle);
     FG_ADD(Best);
     FG_ADD(BrakingSettings);
     FG_ADD(Car);
     FG_ADD(CarParameters);
-    FG_ADD(CarSeen);
     FG_ADD(Driver);
     FG_ADD(DrivingMemory);
     FG_ADD(DrivingSettings);
@@ -73,16 +57,9 @@ void bind_records(nb::module_& module) {
     FG_ADD(Line);
     FG_ADD(LocalMap);
     FG_ADD(Motion);
-    FG_ADD(Mpc);
     FG_ADD(Odometry);
-    FG_ADD(OnLine);
-    FG_ADD(OtherCars);
-    FG_ADD(OvertakerSettings);
-    FG_ADD(Passing);
     FG_ADD(PlanInTime);
     FG_ADD(Predictions);
-    FG_ADD(PurePursuitSettings);
-    FG_ADD(Racing);
     FG_ADD(Recovery);
     FG_ADD(RecoverySettings);
     FG_ADD(Reference);
@@ -96,13 +73,10 @@ void bind_records(nb::module_& module) {
     FG_ADD(Targets);
     FG_ADD(TickRecord);
     FG_ADD(Tire);
-    FG_ADD(Told);
     FG_ADD(Trajectories);
     FG_ADD(Trial);
     FG_ADD(Turning);
     FG_ADD(VelocityFrame);
-#undef FG_ADD
-    module.attr("RECORDS") = records;  // by name: size and offsets of the fields [bytes]
 }
 
 }  // namespace fg

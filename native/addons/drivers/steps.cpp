@@ -3,6 +3,7 @@
 #include "../../controllers/control/stages.hpp"
 #include "line_mpc.hpp"
 #include "line_trackers.hpp"
+#include "overtaker.hpp"
 #include "pure_pursuit.hpp"
 
 extern "C" {
@@ -12,6 +13,7 @@ static void fg_track_by_stanley(std::int64_t address) noexcept { fg::for_each_wo
 static void fg_track_by_lqr(std::int64_t address) noexcept { fg::for_each_world(address, fg::track_by_lqr); }
 static void fg_track_by_map(std::int64_t address) noexcept { fg::for_each_world(address, fg::track_by_map); }
 static void fg_track_by_mpc(std::int64_t address) noexcept { fg::for_each_world<fg::Mpc>(address, fg::track_by_mpc); }
+static void fg_overtake(std::int64_t address) noexcept { fg::for_each_world<fg::OvertakerState>(address, fg::overtake); }
 }
 
 namespace fg {
@@ -23,6 +25,7 @@ Row<const NamedStep> driver_steps() {
         {"track_by_lqr", fg_track_by_lqr},
         {"track_by_map", fg_track_by_map},
         {"track_by_mpc", fg_track_by_mpc},
+        {"overtake", fg_overtake},
     };
     return row(named);
 }

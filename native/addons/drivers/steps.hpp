@@ -4,7 +4,7 @@
 
 namespace fg {
 
-// Return pure pursuit and its trackers.
+// Return all of them: pure pursuit, its trackers, the overtaker.
 Row<const NamedStep> driver_steps();
 
 }  // namespace fg
