@@ -145,7 +145,8 @@ def run_lab(
       again: the command that makes the results again, which is written beside them.
 
     Raises:
-      SettingsError, RunFolderError: what cannot be measured or written; nothing has run then.
+      SettingsError, RunFolderError: what cannot be measured or written; nothing has run then, unless the law answers
+        no speed in the course of a cell.
       MissingExtraError: no matplotlib for the pictures.
       EngineError: a cell failed, or a worker process died; finished cells are kept.
     """

@@ -94,7 +94,7 @@ class SpeedLaw:
     @kept_folder()
     def __call__(self, steering_angle: float, odometry: Odometry, car: CarParameters, mu: float) -> float:
         """Return the law's speed [m/s]."""
-        at = f"speed law {self.name!r} at a steering angle of {steering_angle:g} rad and mu {mu:g}"
+        at = f"speed law {self.name!r} at {steering_angle:g} rad, {odometry.speed:.3g} m/s and mu {mu:g}"
         try:
             answer: Any = self.function(steering_angle, odometry, car, mu)
             speed = float(answer) if isinstance(answer, Real) and not isinstance(answer, bool) else math.nan

@@ -27,7 +27,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..errors import EngineError
+from ..errors import EngineError, SettingsError
 from ..simulation.planner_failure import one_line
 
 PULSE = 0.1  # [s] between two looks at how far it is
@@ -75,7 +75,7 @@ def work_through(
       died: as of `work_off`, of workers that are other processes.
 
     Raises:
-      EngineError: as `work_off`.
+      SettingsError, EngineError: as `work_off`.
     """
     started, done = time.perf_counter(), 0
 
@@ -112,7 +112,8 @@ def work_off(
         None: this is an error.
 
     Raises:
-      EngineError: the function raised an error, a worker could not start, or one died.
+      SettingsError: the function raised one.
+      EngineError: it raised another error, a worker could not start, or one died.
     """
     count = min(workers, len(items))
     if count <= 1 and died is None:
@@ -256,18 +257,23 @@ class _Failure:
     """The error that a function raised, in one line."""
 
     said: str
+    refused: bool  # whether it is of what the user gave
 
 
 def _call(function: Callable[[Any], Any], item: Any) -> Any:
     try:
         return function(item)
+    except SettingsError as error:
+        return _Failure(str(error), refused=True)
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
-        return _Failure(f"{one_line(error)} ({Path(place.filename).name}, line {place.lineno})")
+        return _Failure(f"{one_line(error)} ({Path(place.filename).name}, line {place.lineno})", refused=False)
 
 
 def _answer(item: Any, answer: Any) -> Any:
     if isinstance(answer, _Failure):
+        if answer.refused:
+            raise SettingsError(answer.said)
         raise EngineError(f"{item}: {answer.said}")
     return answer
 

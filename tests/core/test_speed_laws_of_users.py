@@ -1,6 +1,7 @@
 """Speed laws of the lab: plain functions of four arguments, whose answers are checked."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ def negative(steering_angle, odometry, car, mu): return -1.0
 def many(steering_angle, odometry, car, mu): return [1.0]
 def yes(steering_angle, odometry, car, mu): return True
 def raises(steering_angle, odometry, car, mu): return 1 / 0
+def late(steering_angle, odometry, car, mu): return math.nan if odometry.speed > 1.5 else 9.0
 def endless(steering_angle, odometry, car, mu): return 10**400
 def other(speed): return 1.0
 number = 3
@@ -60,6 +62,13 @@ def test_the_bundled_laws_are_the_fields_formula_its_steps_and_our_limiters():
 )  # fmt: skip
 def test_a_law_that_is_none_is_refused_in_one_line_before_anything_is_driven(tmp_path, mine, capsys, name, said):
     assert said in refused(tmp_path, capsys, "friction", "skidpad", "--law", f"{mine}:{name}")
+
+
+@each("workers", ["1", "2"])
+def test_a_law_that_answers_no_speed_in_the_course_of_a_cell_is_refused_in_one_line(tmp_path, mine, capsys, workers):
+    arguments = ["friction", "skidpad", "--law", f"{mine}:late", "--steering", "0.3,0.4", "--workers", workers]
+    ends = r" m/s and mu 0\.94\d* answers nan; accepted: one number from 0 on \[m/s\]; inf: no limit\n$"
+    assert re.search(ends, refused(tmp_path, capsys, *arguments))
 
 
 def test_a_name_that_is_none_is_refused(tmp_path, capsys):
