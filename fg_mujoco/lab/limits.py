@@ -58,11 +58,14 @@ class SteadyLimits:
     leaves_arc: float  # the path differs from the steered arc by LEAVES, or the car spins
 
     @classmethod
-    def of(cls, ground: LabGround, mu: float, steering: float) -> SteadyLimits:
-        """Return the limits of a car at a steering angle [rad]; `mu` is what the kinematic law is told [-]."""
+    def of(cls, ground: LabGround, mu: float, steering: float, *, untied: bool = False) -> SteadyLimits:
+        """Return the limits of a car at a steering angle [rad]; `mu` is what the kinematic law is told [-].
+
+        `untied`: of the same car with open differentials only, whose wheels turn freely beside each other.
+        """
         parameters = ground.car.parameters
         law = friction_speed(steering, mu, parameters.wheelbase, parameters.gravity)
-        car = _RigidCar(ground, abs(steering)) if len(ground.forces.rows) else None
+        car = _RigidCar(ground, abs(steering), untied) if len(ground.forces.rows) else None
         now = None if car is None else car.begin(LOW * law)
         if car is None or now is None:
             nothing = np.full(1, math.nan)
@@ -84,6 +87,12 @@ class SteadyLimits:
             speed=speed, curvature=curvature, slides=min(_first(speed, sliding), spins) if car.has_peak else math.nan,
             lifts=_first(speed, -least_load), leaves_arc=min(_first(speed, away), spins),
         )  # fmt: skip
+
+    @property
+    def ends(self) -> float:
+        """The least of the three; NaN: none is known."""
+        known = [each for each in (self.slides, self.lifts, self.leaves_arc) if not math.isnan(each)]
+        return min(known, default=math.nan)
 
     def curvature_at(self, speed: float) -> float:
         """Return the curvature at a speed [m/s] over that of the steered arc [-]; NaN of one beyond the last."""
@@ -115,7 +124,7 @@ class _Wheels(NamedTuple):
 class _RigidCar:
     """A car in equilibrium on a circle to the left: see the module."""
 
-    def __init__(self, ground: LabGround, steering: float) -> None:
+    def __init__(self, ground: LabGround, steering: float, untied: bool) -> None:
         car, model = ground.car.parameters, ground.model
         self._car, self._tires, self._mu, self._steering = car, ground.forces.rows, ground.forces.mu, steering
         self._laws = [axle for axle in tires_of(model).axles for _ in range(2)]
@@ -127,10 +136,11 @@ class _RigidCar:
         gives = [(1.0 / own[own > 0.0]).sum() for own in springs] + 1.0 / self._tires["vertical_stiffness"]
         self._roll = self._y / gives  # [N] of the load of each, for a lean of 1 rad
         gear = gear_row(model)[0]
-        share = gear["share"][:, : gear["lanes"]]
+        lanes = 1 if untied else int(gear["lanes"])
+        share = gear["share"][:, :lanes]
         self._share = share / np.abs(share).max(axis=0)  # of each force of the drive line, in those on the wheels
-        self._ties, self._preload, self._ramp = (gear[name][1 : gear["lanes"]] for name in ("give", "preload", "ramp"))
-        self._drag, self._damping = float(gear["drag"]), model.dof_damping[gear["spin_dof"]]
+        self._ties, self._preload, self._ramp = (gear[name][1:lanes] for name in ("give", "preload", "ramp"))
+        self._drag, self._damping = float(gear["drag"]), (not untied) * model.dof_damping[gear["spin_dof"]]
         self._steer(steering)
 
     def _steer(self, angle: float) -> None:

@@ -25,8 +25,9 @@ from .steady_circle import CircleReading, NeverError, SteadyCircle, UnreachableE
 if TYPE_CHECKING:
     import matplotlib.figure
 
-_CAUSES = {"slides": "grip", "lifts": "load transfer", "leaves_arc": "understeer"}
+_CAUSES = {"slides": "grip", "lifts": "load transfer", "leaves_arc": "understeer", "tied": "drive line"}
 """What ends a circle, by the beginning of its columns: a tire slides, a wheel lifts, the path leaves its arc."""
+_TIED = math.sqrt(0.5)  # of the speed at which a car with open differentials ends: below, ties have most of the 5 %
 _WORDS = {"slides": ("sliding", "o"), "lifts": ("lifting a wheel", "^"), "leaves_arc": ("leaving the arc", "s")}
 """The same in words, with its marker in figures."""
 _OF_SETS = {
@@ -34,6 +35,7 @@ _OF_SETS = {
     "curvature_at_law": "curvature at the law's speed",
 }  # fmt: skip
 _RIGID = "_of_rigid_car"  # how the columns end that stand beside those of what was measured
+_UNTIED = "_of_untied_car"  # the same with open differentials: where what ties the wheels of the car has no part
 
 
 class Skidpad:
@@ -53,8 +55,10 @@ class Skidpad:
         found = {name: _first(circle, happens) for name, happens in _EVENTS.items()}
         if "tips over" in found["lifts"][1] and circle.readings:  # from the last speed at which it settled
             found["lifts"] = circle.readings[-1].asked * circle.law, found["lifts"][1]
-        law = _law_speed(circle, settings)
-        rigid = SteadyLimits.of(circle.ground, circle.mu, circle.steering)
+        law, greatest = _law_speed(circle, settings), HIGH * circle.law
+        rigid, untied = (
+            SteadyLimits.of(circle.ground, circle.mu, circle.steering, untied=each) for each in (False, True)
+        )
         row: Row = {
             "mu": cell["mu"], "steering_rad": cell["steering"], "law_mu": circle.mu, "law_speed_m_s": law,
         }  # fmt: skip
@@ -64,16 +68,19 @@ class Skidpad:
             row |= {f"{name}_over_law": _over(speed, law), f"{name}_over_law{_RIGID}": _over(getattr(rigid, name), law)}
         row |= {"curvature_at_law": _curvature(circle, law), f"curvature_at_law{_RIGID}": rigid.curvature_at(law)}
         known = {name: speed for name, (speed, _) in found.items() if speed < math.inf}
+        holds = not known
         first = cause = min(known, key=lambda name: known[name], default="")
         if first == "slides" and rigid.lifts < rigid.slides:
             cause = "lifts"  # a wheel that carries next to nothing spins, and open differentials then drive none
-        holds = not known
+        elif not holds and known[first] < _TIED * untied.ends:
+            cause = "tied"
         return [
             row
             | {
                 "safe": holds or known[first] >= law,
                 "ends_by": "" if holds else _CAUSES[cause],
-                "up_to_m_s": HIGH * circle.law if holds else known[first],
+                f"ends_over_law{_UNTIED}": _over(untied.ends, law), "looked_at_over_law": _over(greatest, law),
+                "up_to_m_s": greatest if holds else known[first],
                 "reason": "; ".join(f"{name}: {why}" for name, (_, why) in found.items() if why),
             }
         ]
@@ -81,18 +88,19 @@ class Skidpad:
     def section(self, rows: list[Row], settings: LabSettings) -> Section:
         """Say on how many circles the law is safe, and what ends them."""
         unsafe = [row for row in rows if not row["safe"]]
-        first = [f"The law {settings.law!r} is safe on {share_of(rows, 'safe')} circles."]
+        first = [f"The law {settings.law!r} is safe on {share_of(rows, 'safe')} circles{_holding(rows)}."]
         for cause in dict.fromkeys(str(row["ends_by"]) for row in unsafe):
             own = [row for row in unsafe if row["ends_by"] == cause]
             over = style.span(column(own, "up_to_m_s") / column(own, "law_speed_m_s"), ".2f")
-            first.append(f"On {len(own)} {cause} ends it at {over} of its speed.")
+            first.append(f"On {len(own)} it ends at {over} of its speed: {cause}.")
         key = (
             f"Speeds over the law's at which a tire slides, a wheel lifts, and the path leaves the steered arc by "
             f"{100 * LEAVES:g} %, each beside that of a rigid car; curvature at the law's speed. Never: not up to "
             f"{HIGH:g} of sqrt(g mu b / tan d)."
         )
+        told = f"Open: a rigid car with open differentials. {TOLD}"
         return Section(
-            sentences=(" ".join(first), _beside_rigid_car(rows), key, TOLD),
+            sentences=(" ".join(first), _beside_rigid_car(rows), key, told),
             columns={
                 "mu": "mu", "told": "law_mu", "steering": "steering_rad", "law m/s": "law_speed_m_s",
                 "slides": "slides_over_law",
@@ -100,6 +108,7 @@ class Skidpad:
                 "(rigid) ": f"lifts_over_law{_RIGID}", "leaves arc": "leaves_arc_over_law",
                 "(rigid)  ": f"leaves_arc_over_law{_RIGID}", "curvature": "curvature_at_law",
                 "(rigid)   ": f"curvature_at_law{_RIGID}", "safe": "safe", "ends by": "ends_by",
+                "(open)": f"ends_over_law{_UNTIED}",
             },
             draw=lambda figure: _draw(figure, rows),
         )  # fmt: skip
@@ -190,6 +199,12 @@ def _curvature(circle: SteadyCircle, speed: float) -> float:
         return math.nan
     spins = bool(reading.sliding.any()) and reading.curvature > 1.0 + LEAVES
     return math.nan if reading.lost or spins else reading.curvature
+
+
+def _holding(rows: list[Row]) -> str:
+    """Say up to which share of the law's speed the tires of all circles hold."""
+    held = np.minimum(column(rows, "slides_over_law"), column(rows, "looked_at_over_law"))  # NaN stays
+    return "" if np.isnan(held).all() else f", and no tire slides up to {np.nanmin(held):.2f} of its speed"
 
 
 def _beside_rigid_car(rows: list[Row]) -> str:

@@ -19,7 +19,7 @@ from fg_mujoco.racing.entries import Entry
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tires import AxleTires, MagicFormula, Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
-from vehicle_worlds import open_file
+from vehicle_worlds import open_file, with_drive_line
 
 CAR = Vehicle.load().parameters
 G = 9.81
@@ -203,6 +203,35 @@ def test_a_car_whose_wheels_are_tied_slides_within_two_percent_of_the_rigid_one(
     row = measure(None, steering, vehicle=car, tires="coulomb" if car == "f1tenth" else None)
     assert row["slides_over_law"] == pytest.approx(row["slides_over_law_of_rigid_car"], rel=0.02)
     assert row["leaves_arc_over_law"] == pytest.approx(row["leaves_arc_over_law_of_rigid_car"], rel=0.02)
+
+
+@each(
+    ("steering", "tires", "lines", "cause"),
+    [(0.05, "f1tenth", dict.fromkeys(("front_axle", "rear_axle"), "locked"), "drive line"),
+     (0.4, "f1tenth", {}, "drive line"), (0.4, "coulomb", {}, "drive line"), (0.1, "f1tenth", {}, "understeer"),
+     (0.4, "f1tenth", {"centre": "open"}, "understeer"), (0.1, "coulomb", {}, "grip")],
+)  # fmt: skip
+def test_what_ties_the_wheels_is_the_cause_where_a_car_with_open_differentials_goes_on(
+    tmp_path, steering, tires, lines, cause
+):
+    """Beside the onset stands that of the rigid car without ties, which the same car has once they are taken out."""
+    (tmp_path / "car.xml").write_text(with_drive_line(Vehicle.load().text, **lines), encoding="utf-8")
+    row, untied = (measure(None, steering, tires=tires, vehicle=car) for car in (tmp_path / "car.xml", open_file()))
+    assert row["ends_by"] == cause
+    assert row["ends_over_law_of_untied_car"] == pytest.approx(untied["up_to_m_s"] / untied["law_speed_m_s"], rel=0.02)
+
+
+def test_the_summary_says_up_to_which_share_of_the_law_no_tire_slides():
+    settings = LabSettings(law="limiter", steerings=(0.2, 0.4))
+    rows = [row for cell in EXPERIMENT.cells(settings) for row in EXPERIMENT.measure(cell, settings)]
+
+    def said(rows):
+        return EXPERIMENT.section(rows, settings).sentences[0]
+
+    looked_at = 1.6 * math.sqrt(G * rows[0]["law_mu"] * CAR.wheelbase / math.tan(0.2)) / rows[0]["law_speed_m_s"]
+    assert f"is safe on 0 of 2 circles, and no tire slides up to {looked_at:.2f} of its speed. On" in said(rows)
+    assert "no tire slides up to 0.50 of" in said([rows[0], rows[1] | {"slides_over_law": 0.5}])
+    assert "slides" not in said([row | {"slides_over_law": math.nan} for row in rows])
 
 
 def test_a_speed_out_of_reach_is_said_with_its_reason():
