@@ -1,15 +1,16 @@
-"""Drives the races whose results README.md and docs/ show, and writes their figures to one file.
+"""Drives the races and circles whose results README.md and docs/ show, and writes their figures to one file.
 
     python benchmarks/circuits.py --json docs/figures.json [--data ../shared/data] [--workers 2] [--runs DIR]
 
-`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Five groups
+`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Six groups
 of races are driven, all with the default settings unless the group says otherwise:
 
 - identified: gap_finder, five laps, by the identified car on the floor that it was identified on;
 - identified_baseline: random, which looks at nothing, on the bundled circuits: what the assist drives by itself;
 - ideal: gap_finder on the published circuits, on tires that need no slip angle, as those of the published times;
 - circuits: gap_finder, five laps, on the bundled circuits, on the real ones of `--data` and on random:0 to random:19;
-- scenes: every planner in every scene, ten seeds.
+- scenes: every planner in every scene, ten seeds;
+- sets: the friction lab's circles on every bundled set of tires.
 
 Races that a folder given by `--runs` already has are not driven again.
 """
@@ -25,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import fg_mujoco as fg
+from fg_mujoco.lab.lab import run_lab
 
 COMMAND = "python benchmarks/circuits.py --json docs/figures.json"
 BUNDLED = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
@@ -66,6 +68,16 @@ def successes(comparison: fg.Study) -> dict[str, dict[str, int]]:
     return found
 
 
+def circles(workers: int) -> dict[str, str]:
+    """Return the cells of the lab's table of all sets of tires, by the set."""
+    (chapter,) = run_lab(["sets"], workers=workers).chapters
+    names = ("slides_over_law", "leaves_arc_over_law", "curvature_at_law")
+    return {
+        str(row["tires"]): "; ".join((f"{row['mu']:.3f}", *(str(row[name]) for name in names)))
+        for row in chapter.section.printed or ()
+    }
+
+
 def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
     """Drive all groups, and return their figures."""
 
@@ -85,6 +97,7 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
         "ideal": by_controller(group("ideal", ["gap_finder"], track=published, tires="coulomb"))["gap_finder"],
         "circuits": by_controller(circuits)["gap_finder"],
         "scenes": successes(scenes),
+        "sets": circles(workers),
     }
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("README.md", "docs/results.md", "docs/planners.md")
+PAGES = ("README.md", "docs/results.md", "docs/planners.md", "docs/friction.md")
 
 BUNDLED = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 REAL = ("Spielberg", "Monza", "Zandvoort")
@@ -126,8 +126,14 @@ def scenes(figures: dict[str, Any]) -> str:
     return _table(("", *SCENES), rows)
 
 
+def sets(figures: dict[str, Any]) -> str:
+    """Return the lab's circles on each set of tires."""
+    head = ("set", "mu", "a tire slides", "leaves the arc", "curvature kept")
+    return _table(head, [(f"`{name}`", *row.split("; ")) for name, row in figures["sets"].items()], numbers=False)
+
+
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
-    table.__name__: table for table in (controllers, circuits, summary, published, scenes)
+    table.__name__: table for table in (controllers, circuits, summary, published, scenes, sets)
 }
 
 

@@ -10,12 +10,16 @@ import sys
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.course.files import tomllib
 from fg_mujoco.errors import MissingExtraError
+from fg_mujoco.lab.experiment import LabSettings
+from fg_mujoco.lab.skidpad import SETS
+from fg_mujoco.vehicle.tires import tire_names
 from rendered import needs_gl
 
 ROOT = Path(__file__).parents[2]
@@ -204,6 +208,16 @@ def test_tables_of_figures_are_those_of_the_file(tables):
         marked |= {name for _, name, _ in tables.MARKED.findall(text)}
         assert tables.filled(text, figures) == text, f"{page}: accepted: what `make figures` writes"
     assert marked == set(tables.TABLES)
+
+
+def test_the_table_of_tires_is_what_the_lab_measures():
+    shown = json.loads((DOCS / "figures.json").read_text("utf-8"))["sets"]
+    assert list(shown) == list(tire_names())
+    for name in ("f1tenth", "forzaeth_nuc5"):  # at .4 rad, the last
+        (row,) = SETS.measure({"tires": name, "steering": 0.4}, LabSettings())
+        found = [row[column] for column in ("slides_over_law", "leaves_arc_over_law", "curvature_at_law")]
+        last = [float(cell.split(", ")[-1].replace("-", "nan")) for cell in shown[name].split("; ")[1:]]
+        np.testing.assert_allclose(found, last, atol=0.01)
 
 
 def test_links_of_pages_lead_somewhere(hooks):
