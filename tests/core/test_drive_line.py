@@ -73,6 +73,39 @@ def test_a_stop_is_that_of_its_servo_and_no_wheel_turns_backwards(vehicle, speed
     assert vehicle == "ipz" or held.all()  # the odometry is right from .02 s on; drag and motor of ipz brake harder
 
 
+def way_on_curves(model, tires, speed):
+    """Return the way [m] of a car whose shaft ties two axles, each with its curve, relaxation and share of the load."""
+    car, dt, way, slowing = car_parameters(model), 1e-4, 0.0, 0.0
+    inertia = 4.0 * car.wheel_inertia + DriveLine.of(model).motor_inertia
+    damping = 4.0 * model.dof_damping[model.joint("rear_left_wheel").dofadr[0]] / car.wheel_radius**2
+    motor = model.actuator("speed").id
+    gain, most = model.actuator_gainprm[motor, 0], model.actuator_forcerange[motor, 1]
+    levers, bent, wheels = (car.rear_axle_distance, car.front_axle_distance), [0.0, 0.0], speed
+    while speed > 2e-3:
+        pull = 0.0
+        for at, (axle, lever, side) in enumerate(zip(tires.axles, levers, (1.0, -1.0), strict=True)):
+            load = car.mass * (car.gravity * lever + side * slowing * car.center_of_gravity_height) / car.wheelbase
+            bent[at] += dt * (wheels - speed - wheels * bent[at] / axle.relaxation_length)
+            pull += load * axle.longitudinal.force(bent[at] / axle.relaxation_length)
+        braking = min(gain * wheels, most) + damping * wheels
+        wheels = max(wheels - dt * (braking + pull) * car.wheel_radius**2 / inertia, 0.0)
+        slowing = -pull / car.mass
+        speed -= dt * slowing
+        way += dt * speed
+    return way
+
+
+@each("vehicle", fg.vehicle_names())
+@each("speed", SPEEDS)
+def test_a_stop_on_a_cars_own_tires_is_that_of_two_axles_on_their_curves(vehicle, speed):
+    """Those of the league's car, which has no shaft, are in `test_league_car`."""
+    model, tires = fg.Vehicle.load(vehicle).compile(), fg.Vehicle.load(vehicle).tires
+    rows = driven(model, speed, 0.0, 3.0)
+    assert rows[:, 2:6].min() > (-0.01 if vehicle == "autodrive" else -1e-3)  # as it comes to stand
+    if vehicle != "autodrive":
+        assert rows[-1, 6] == pytest.approx(way_on_curves(model, tires.on(1.0489), rows[0, 1]), rel=0.025)
+
+
 @each("vehicle", BUNDLED)
 @each("speed", SPEEDS)
 def test_wheels_that_lock_on_a_slippery_floor_stop_the_car_by_its_friction(vehicle, speed):
