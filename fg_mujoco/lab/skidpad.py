@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import ModelError
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
 from ..vehicle.tire_slip import NO_PEAK
-from ..vehicle.tires import tire_names
+from ..vehicle.tires import CONTACT, Tires, tire_names
+from ..vehicle.vehicle import Vehicle
 from .experiment import ONE_SET, TOLD, Cell, Experiment, LabSettings, Row, Section, number, share_of
 from .limits import HIGH, LEAVES, LOW, SteadyLimits
 from .steady_circle import CircleReading, NeverError, SteadyCircle, UnreachableError
@@ -122,8 +124,9 @@ class Sets(Skidpad):
     uses = ("law", "steering")
 
     def cells(self, settings: LabSettings) -> list[Cell]:
-        """One for each set and steering angle."""
-        return [{"tires": name, "steering": angle} for name in tire_names() for angle in settings.angles]
+        """One for each set and steering angle, without `contact` on a car that cannot stand on it."""
+        names = [name for name in tire_names() if name != CONTACT or _takes_contact(settings.entry.car)]
+        return [{"tires": name, "steering": angle} for name in names for angle in settings.angles]
 
     def measure(self, cell: Cell, settings: LabSettings) -> list[Row]:
         """Measure a circle on that set."""
@@ -156,6 +159,15 @@ _EVENTS: dict[str, Callable[[CircleReading], bool]] = {
     "lifts": lambda reading: reading.lifts,
     "leaves_arc": lambda reading: reading.lost or abs(reading.curvature - 1.0) > LEAVES,
 }
+
+
+def _takes_contact(vehicle: Vehicle) -> bool:
+    """Return whether a vehicle can stand on MuJoCo's own contacts."""
+    try:
+        vehicle.spec(tires=Tires.load(CONTACT))
+    except ModelError:
+        return False
+    return True
 
 
 def _first(circle: SteadyCircle, happens: Callable[[CircleReading], bool]) -> tuple[float, str]:

@@ -134,7 +134,7 @@ def put_on(spec: Any, tires: Tires) -> Tires:
     The pairs stay as they are but for that, so that MuJoCo alone can drive the model, on its own contacts.
 
     Raises:
-      ModelError: a pair that asks for a contact that tires of ours do not have.
+      ModelError: a pair that asks for a contact that tires of ours do not have, or a drag on MuJoCo's own contacts.
     """
     for name in ("front", "rear"):  # a spec that was written to a file has the tires of then
         numbers = spec.numeric(NUMERIC.format(name))
@@ -149,6 +149,10 @@ def put_on(spec: Any, tires: Tires) -> Tires:
                 pair.friction = [mu, mu, *pair.friction[2:]]
             spec.delete(share)
     if tires.is_contact:
+        drag = spec.numeric("drag")
+        if drag is not None and drag.data[0] > 0.0:
+            said = f"numeric 'drag' is {drag.data[0]:g} on MuJoCo's own tires"
+            raise ModelError(f"{said}; accepted: 0 there, or another set of tires")
         if spec.tendon("drive") is not None:
             tie_on_contacts(spec)
             for wheel in WHEELS:  # what implicit damping adds to the inertia, which MuJoCo's contacts do not know of

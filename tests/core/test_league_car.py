@@ -9,13 +9,16 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.errors import ModelError, SettingsError
+from fg_mujoco.lab.experiment import LabSettings
+from fg_mujoco.lab.skidpad import SETS
 from fg_mujoco.lidar.body_poses import mounted_pose
 from fg_mujoco.racing.planners import usual_vehicle
 from fg_mujoco.racing.rules import find_rules
 from fg_mujoco.vehicle.car import Car
 from fg_mujoco.vehicle.tire_forces import TireForces
-from fg_mujoco.vehicle.tires import Tires, curve_force
+from fg_mujoco.vehicle.tires import Tires, curve_force, tire_names
 from fg_mujoco.vehicle.tires.friction_curve import FrictionCurve
+from refusals import refused
 
 DRAG, LOCKED, GRAVITY = 0.273, 0.464 * 9.81, 9.81
 POINTS = {"longitudinal": (0.15, 0.72, 0.25, 0.464), "lateral": (0.01, 1.0, 0.1, 0.5)}
@@ -135,6 +138,14 @@ def test_a_drag_that_is_none_is_refused(tmp_path):
     (tmp_path / "car.xml").write_text(text, encoding="utf-8")
     with pytest.raises(ModelError, match=r"numeric 'drag' is -1; accepted: a number from 0 \[1/s\]"):
         fg.Vehicle.load(str(tmp_path / "car.xml"))
+
+
+def test_mujocos_contacts_are_refused_on_a_car_with_drag(tmp_path, capsys):
+    said = "numeric 'drag' is 0.273 on MuJoCo's own tires; accepted: 0 there, or another set of tires"
+    for command in (("race", "--laps", "1"), ("friction", "skidpad")):
+        assert said in refused(tmp_path, capsys, *command, "--vehicle", "autodrive", "--tires", "contact")
+    cells = SETS.cells(LabSettings(entry=fg.Entry(vehicle="autodrive"), steerings=(0.2,)))
+    assert {cell["tires"] for cell in cells} == set(tire_names()) - {"contact"}
 
 
 def test_nodes_that_command_autodrives_throttle_drive_it_unless_another_car_is_given(tmp_path):
