@@ -19,6 +19,8 @@ and its rear axle moves outwards of its heading by the rear slip angle (T. Gille
    heading (`to_velocity_frame`). Its speed is that over the ground: wheels that brake roll slower (`ground_speed`).
 4. The path follows the steering over a way of its own (`path_lag`), in all that is simulated.
 5. A car that brakes and has no path to follow is steered against turning in by itself (`held_arc`).
+6. A yaw rate that equals v tan(d) / b of the measured speed and steering angle, up to rounding, was computed from
+   them, as the odometry of a VESC is. It is replaced by that of the arc on which the car runs (`arc_angle`).
 
 A planner knows of an axle what can be identified on a real car: cornering stiffness, peak, and the peak's slip angle.
 Through these leads one Magic Formula D sin(C atan(B s)), which read backwards is s = tan(asin(u) / C) / B at the share

@@ -20,6 +20,7 @@ from fg_mujoco.controllers.control.slip import (
     steered,
     tightest_arc,
 )
+from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
 from fg_mujoco.lab.lab_ground import LabGround
@@ -61,6 +62,22 @@ def test_a_car_at_full_lock_runs_on_the_arc_that_its_wound_up_shaft_leaves():
     arc = math.tan(lock_arc(slip, car)) / car["wheelbase"]
     assert turned.yaw_rate[-1] / turned.speed[-1] == pytest.approx(arc, rel=0.02)
     assert arc < 0.96 * math.tan(0.4189) / car["wheelbase"]
+
+
+@each("speed, steering", [(2.0, 0.3), (3.0, -0.15), (5.0, 0.1)])
+def test_a_yaw_rate_computed_from_the_steering_becomes_that_of_the_arc_and_a_gyros_stays(speed, steering):
+    ground, heard, told = LabGround(), [], []
+    listen = Stage(text="", before_reference=lambda tick: heard.append(float(tick.odometry.angular_velocity[2])))
+    listening = type("Listening", (GapFinder,), {"own_stages": lambda self: {"listen": listen}})
+    planner = listening(ground.car.parameters, 0.94)
+    ground.place(speed)
+    ground.drive(lambda odometry: told.append(odometry) or DriveCommand(steering_angle=steering, speed=speed), 4.0)
+    of_gyro = told[-1]
+    computed = of_gyro.speed * math.tan(of_gyro.steering_angle) / planner.car.wheelbase
+    assert abs(computed) > 1.1 * abs(of_gyro.yaw_rate)
+    for yaw_rate in (computed, of_gyro.yaw_rate):
+        planner(BLIND, replace(of_gyro, angular_velocity=np.array([0.0, 0.0, yaw_rate])))
+    assert heard == [pytest.approx(of_gyro.yaw_rate, rel=0.03), of_gyro.yaw_rate]
 
 
 @each("name, speed, sign", [("f1tenth", 0.0, 1.0), ("f1tenth", 0.0, -1.0), ("slipx_reference", 1.2, -1.0)])

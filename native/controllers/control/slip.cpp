@@ -8,6 +8,7 @@ constexpr double most_use = 0.97;   // of an axle's peak: a greater force has th
 constexpr double most_ratio = 0.5;  // [-] of slip along the heading
 constexpr double slow = 0.5;        // [m/s] below it the path is the arc's, and the ground's speed that of the wheels
 constexpr int halvings = 24;
+constexpr double computed = 1e-9;   // share of a yaw rate, within which v tan(d) / b counts as where it is from
 
 // Return by how much more than the arc's angle the car is steered [rad], at a lateral acceleration over g.
 double lead(const Slip& slip, double force) {
@@ -125,6 +126,13 @@ double velocity_angle(const Slip& slip, const CarParameters& car, double speed, 
     if (!(slip.needs_slip_angle && speed > 0.0 && std::isfinite(speed * yaw_rate))) return 0.0;
     const double force = min(std::abs(speed * yaw_rate) / car.gravity, slip.most);
     return -std::copysign(slip_angle(slip.rear, force), yaw_rate);
+}
+
+double yaw_rate_on_arc(const Slip& slip, const CarParameters& car, const Odometry& odometry) {
+    const double yaw_rate = odometry.angular_velocity[2], speed = odometry.speed, angle = odometry.steering_angle;
+    const double error = yaw_rate - speed * std::tan(angle) / car.wheelbase;
+    if (!(slip.needs_slip_angle && std::abs(error) < computed * std::abs(yaw_rate))) return yaw_rate;
+    return speed * std::tan(arc_angle(slip, car, angle, speed)) / car.wheelbase;
 }
 
 // The motor's servo pulls with a = (command - wheels) / its time constant, less what rolling takes. For this the wheels

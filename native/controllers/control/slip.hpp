@@ -98,6 +98,9 @@ double late_on_path(const Slip& slip, const CarParameters& car, double speed);
 // Return the direction in which the rear axle moves, from the car's heading [rad]; 0 of tires that are not soft.
 double velocity_angle(const Slip& slip, const CarParameters& car, double speed, double yaw_rate);
 
+// Return the yaw rate [rad/s] of an odometry, or that of the car's arc in place of one computed from the steering.
+double yaw_rate_on_arc(const Slip& slip, const CarParameters& car, const Odometry& odometry);
+
 // Return by how much friction of gears and of rolling slows a car [m/s^2] that drives forward at `speed` [m/s].
 inline double drag(const CarParameters& car, double speed) {
     return speed > 0.0 ? car.rolling_resistance + car.rolling_damping * speed : 0.0;

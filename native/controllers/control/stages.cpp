@@ -64,6 +64,7 @@ void see_at(std::int64_t address) {
         write_valid_ranges(batch.ranges[world], batch.measured[world], geometry.range_max);
         TickRecord& tick = batch.ticks[world];
         tick.geometry = geometry, tick.odometry = batch.odometry[world], tick.decided = false;
+        tick.odometry.angular_velocity[2] = yaw_rate_on_arc(tick.driver.limiter.slip, tick.driver.car, tick.odometry);
     }
 }
 
