@@ -243,7 +243,7 @@ class Odometry(Suggesting):
     """
 
     stamp: float  # [s]
-    speed: float  # [m/s] mean surface speed of the wheels, forward positive
+    speed: float  # [m/s] mean surface speed of the driven wheels, forward positive
     steering_angle: float  # [rad] left positive
     angular_velocity: FloatArray  # (3,) [rad/s] gyro, car frame
     linear_acceleration: FloatArray  # (3,) [m/s^2] accelerometer, car frame, gravity included

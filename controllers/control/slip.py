@@ -233,6 +233,7 @@ ground_speed = core.ground_speed
 
 The motor's servo pulls with a = (command - wheels) / its time constant, less what rolling takes. For this the wheels
 are faster than the ground by a slip ratio s, or slower: v = wheels / (1 + s). A car that brakes by half of its grip on
-tires of 5 /rad is faster by a tenth than its wheels tell. Tires are taken to be as stiff along as they are across. A
-shaft that is wound up on the arc of `angle` [rad] makes the rear wheels faster. A command of 0: none.
+tires of 5 /rad is faster by a tenth than its wheels tell. Where one axle is driven, it has the whole force, at the load
+that pitching leaves it. Tires are taken to be as stiff along as they are across. A shaft that is wound up on the arc of
+`angle` [rad] makes the rear wheels faster. A command of 0: none.
 """

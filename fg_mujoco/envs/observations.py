@@ -5,7 +5,7 @@
 | name | shape | value |
 | --- | --- | --- |
 | scan | (beams,) | distances [m], rightmost beam first; no return reads `range_max`, too close or failed reads 0 |
-| speed | (1,) | mean speed of the wheels' surfaces, forward positive [m/s] |
+| speed | (1,) | mean speed of the driven wheels' surfaces, forward positive [m/s] |
 | yaw_rate | (1,) | left positive [rad/s] |
 | steering_angle | (1,) | of the servo, left positive [rad] |
 | acceleration | (2,) | ahead and to the left, of the accelerometer in the centre of gravity [m/s^2] |

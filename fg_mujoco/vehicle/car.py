@@ -191,6 +191,7 @@ class Car:
         constants["free_qpos"], constants["free_dof"] = self._free_qpos, self._free_dof
         constants["steering_qpos"] = model.jnt_qposadr[element_id(model, joints, f"{prefix}steering")]
         constants["wheel_dofs"] = self._wheel_dofs
+        constants["driven"] = 0 if self.parameters.drives_front else 2, 4 if self.parameters.drives_rear else 2
         constants["accelerometer"] = sensor_slice(model, f"{prefix}accelerometer").start
         constants["steering_ctrl"], constants["speed_ctrl"] = self._steering_ctrl, self._speed_ctrl
         for name in ("wheel_radius", "max_steering_angle", "min_speed", "max_speed", "rear_axle_distance"):

@@ -17,6 +17,7 @@ CAR = record(
         ("free_dof", np.int64),  # and in qvel
         ("steering_qpos", np.int64),
         ("wheel_dofs", np.int64, (4,)),
+        ("driven", np.int64, (2,)),  # which wheels are driven: the first, and the one behind the last
         ("accelerometer", np.int64),  # where in sensordata
         ("steering_ctrl", np.int64),
         ("speed_ctrl", np.int64),

@@ -32,8 +32,9 @@ double ground_speed(Numbers qpos, Numbers qvel, Row<const Car> car) {
 
 double surface_speed(Numbers qvel, Row<const Car> car) {
     double total = 0.0;
-    for (const auto dof : car[0].wheel_dofs) total += qvel[dof];
-    return 0.25 * total * car[0].wheel_radius;
+    const auto [first, end] = car[0].driven;
+    for (std::int64_t wheel = first; wheel < end; ++wheel) total += qvel[car[0].wheel_dofs[wheel]];
+    return total / static_cast<double>(end - first) * car[0].wheel_radius;
 }
 
 void read_odometry(double time, Numbers qpos, Numbers qvel, Numbers sensordata, Row<const Car> car,

@@ -15,6 +15,7 @@ struct Car {
     std::int64_t free_dof;  // and in qvel
     std::int64_t steering_qpos;
     std::int64_t wheel_dofs[4];
+    std::int64_t driven[2];  // which wheels are driven: the first, and the one behind the last
     std::int64_t accelerometer;  // where in sensordata
     std::int64_t steering_ctrl;
     std::int64_t speed_ctrl;
@@ -24,8 +25,8 @@ struct Car {
     double max_speed;
     double rear_axle_distance;
 };
-FG_RECORD(Car, free_qpos, free_dof, steering_qpos, wheel_dofs, accelerometer, steering_ctrl, speed_ctrl, wheel_radius,
-          max_steering_angle, min_speed, max_speed, rear_axle_distance);
+FG_RECORD(Car, free_qpos, free_dof, steering_qpos, wheel_dofs, driven, accelerometer, steering_ctrl, speed_ctrl,
+          wheel_radius, max_steering_angle, min_speed, max_speed, rear_axle_distance);
 
 // Return x [m], y [m] and heading [rad] of base_link in the world.
 std::array<double, 3> planar_pose(Numbers qpos, Row<const Car> car);
@@ -39,7 +40,7 @@ bool is_rolled_over(Numbers qpos, Row<const Car> car);
 // Return the true speed of base_link along its heading [m/s], forward positive.
 double ground_speed(Numbers qpos, Numbers qvel, Row<const Car> car);
 
-// Return the mean surface speed of the wheels [m/s].
+// Return the mean surface speed of the driven wheels [m/s].
 double surface_speed(Numbers qvel, Row<const Car> car);
 
 // Write what the car's own sensors say into `odometry`, an array (1,), and the true pose.

@@ -12,7 +12,7 @@ from fg_mujoco.vehicle.car import WHEELS, Car, car_parameters
 from fg_mujoco.vehicle.drive_line import DriveLine
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tires import Tires
-from vehicle_worlds import with_drive_line
+from vehicle_worlds import F1TENTH, with_drive_line
 
 BUNDLED = ("f1tenth", "ipz", "nuc2")
 SPEEDS = (3.0, 5.0, 8.0)
@@ -212,6 +212,19 @@ def test_a_rear_drive_accelerates_by_the_load_of_its_rear_axle():
     gain = np.polyfit(rows[60:160, 0], rows[60:160, 1], 1)[0]
     assert gain == pytest.approx(most, rel=0.03)
     assert rows[-1, 4:6].min() > 1.2 * rows[-1, 2:4].max()  # they spin
+
+
+@each("track", ["hairpins", "l_corridor"])
+@each("assist", ["full", "safe"])
+def test_a_rear_drive_stops_where_its_planner_plans_to(track, assist, tmp_path):
+    """Its driven wheels roll slower than the ground when they brake, and the others do not."""
+    path, text = tmp_path / "rear.xml", with_drive_line(F1TENTH, centre="open")
+    for wheel in WHEELS:
+        joint, share = f'<joint joint="{wheel}_wheel" coef="0.01225"/>', REAR_DRIVE[wheel]
+        text = text.replace(joint, joint.replace("0.01225", str(share)) if share else "")
+    path.write_text(text)
+    car = fg.race(track, laps=2, vehicle=path, assist=assist).car
+    assert car.laps_completed == 2 and car.collisions_wall == 0
 
 
 @each("tires", ["coulomb", "contact"])

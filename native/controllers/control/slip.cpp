@@ -8,7 +8,7 @@ constexpr double most_use = 0.97;   // of an axle's peak: a greater force has th
 constexpr double most_ratio = 0.5;  // [-] of slip along the heading
 constexpr double slow = 0.5;        // [m/s] below it the path is the arc's, and the ground's speed that of the wheels
 constexpr int halvings = 24;
-constexpr double computed = 1e-9;   // share of a yaw rate, within which v tan(d) / b counts as where it is from
+constexpr double computed = 1e-9;   // share of a yaw rate: one as near to v tan(d) / b as this was computed by it
 
 // Return by how much more than the arc's angle the car is steered [rad], at a lateral acceleration over g.
 double lead(const Slip& slip, double force) {
@@ -45,6 +45,15 @@ double arc_within(const Slip& slip, double steering_angle, double speed, double 
             high = middle;
     }
     return low;
+}
+
+// Return the slip ratio of the driven wheels, without sign, at an acceleration over g; it moves load to the rear axle.
+double drive_slip(const Slip& slip, const CarParameters& car, double pull) {
+    const double force = std::abs(pull), moved = car.center_of_gravity_height * pull;
+    if (car.drives_front && car.drives_rear)
+        return 0.5 * (slip_angle(slip.front, force) + slip_angle(slip.rear, force));
+    const double lever = car.drives_front ? car.rear_axle_distance - moved : car.front_axle_distance + moved;
+    return slip_angle(car.drives_front ? slip.front : slip.rear, force * car.wheelbase / max(lever, 1e-3));
 }
 
 }  // namespace
@@ -143,7 +152,7 @@ double ground_speed(const Slip& slip, const CarParameters& car, double wheels, d
     if (!(std::abs(wheels) > slow && command != 0.0)) return wheels;
     double pull = saturate((command - wheels) / car.speed_time_constant, car.max_acceleration);
     pull = (pull - drag(car, wheels)) / car.gravity;
-    const double ratio = 0.5 * (slip_angle(slip.front, std::abs(pull)) + slip_angle(slip.rear, std::abs(pull)));
+    const double ratio = drive_slip(slip, car, pull);
     return wheels / (1.0 + std::copysign(min(ratio, most_ratio), pull * wheels));
 }
 
