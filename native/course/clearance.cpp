@@ -2,20 +2,21 @@
 #include "clearance.hpp"
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 namespace {
 
 // Return the lesser of `least` and the distance to segments (m, 4) at one pose (3,).
 double nearer(double least, Numbers pose, Matrix segments, double ahead, double half_length, double half_width) {
-    const double reach = std::hypot(half_length, half_width);
-    const double cosine = std::cos(pose[2]), sine = std::sin(pose[2]);
+    const double reach = fg::hypot(half_length, half_width);
+    const double cosine = fg::cos(pose[2]), sine = fg::sin(pose[2]);
     const double x = pose[0] + ahead * cosine, y = pose[1] + ahead * sine;
     for (std::int64_t j = 0; j < segments.rows; ++j) {
         const Numbers segment = segments[j];
         const double from_x = segment[0] - x, from_y = segment[1] - y;
         const double to_x = segment[2] - x, to_y = segment[3] - y;
-        const double far = least + reach + 0.5 * std::hypot(to_x - from_x, to_y - from_y);
+        const double far = least + reach + 0.5 * fg::hypot(to_x - from_x, to_y - from_y);
         const double middle_x = 0.5 * (from_x + to_x), middle_y = 0.5 * (from_y + to_y);
         if (middle_x * middle_x + middle_y * middle_y > far * far) continue;
         const double distance = rectangle_distance(from_x * cosine + from_y * sine, from_y * cosine - from_x * sine,

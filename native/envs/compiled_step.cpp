@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 #include "../simulation/termination.hpp"
 
 namespace fg {
@@ -84,7 +85,7 @@ void drive_worlds(const StepArrays& arrays, Row<const std::int64_t> tables, Row<
         end_failed(worlds);
         for (std::int64_t row = first; row < behind; ++row) {
             const TelemetryRow& tick = arrays.telemetry[row];
-            arrays.impacts[row] = std::hypot(tick.vx, tick.vy);
+            arrays.impacts[row] = fg::hypot(tick.vx, tick.vy);
             if (arrays.running[row]) arrays.sliding[row] = tick.sliding_steps / arrays.numbers.substeps;
         }
         if (goes_on) take_contacts(worlds, first, on_contact, arrays.touches);

@@ -3,6 +3,7 @@
 
 #include "../core/array_table.hpp"
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 #include "../course/projection.hpp"
 #include "../simulation/telemetry.hpp"
 #include "../simulation/termination.hpp"
@@ -51,7 +52,7 @@ void note_slips(std::int64_t address, Row<const bool> driven) {
         if (!driven[row]) continue;
         const TelemetryRow& tick = telemetry_of(table[TELEMETRY])[row];
         const double turned = tick.vy + wheelbases[row] * tick.yaw_rate;
-        const double front = turned * std::cos(tick.steering_angle) - tick.vx * std::sin(tick.steering_angle);
+        const double front = turned * fg::cos(tick.steering_angle) - tick.vx * fg::sin(tick.steering_angle);
         slips[row] = 0.5 * (std::abs(front) + std::abs(tick.vy));
     }
 }
@@ -59,7 +60,7 @@ void note_slips(std::int64_t address, Row<const bool> driven) {
 void heading_errors(Matrix poses, Numbers places, Matrix table, Row<double> errors) {
     for (std::int64_t i = 0; i < poses.rows; ++i) {
         const std::int64_t segment = segment_at(table[0], places[i]);
-        const double error = poses[i][2] - std::atan2(table[4][segment], table[3][segment]);
+        const double error = poses[i][2] - fg::atan2(table[4][segment], table[3][segment]);
         errors[i] = error - 2.0 * pi * std::floor(error / (2.0 * pi) + 0.5);
     }
 }

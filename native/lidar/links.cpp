@@ -2,6 +2,7 @@
 #include "links.hpp"
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -44,8 +45,8 @@ Vector turned(Quaternion q, Vector v) {
 Quaternion joint_rotation(const Link& link, Numbers qpos) {
     if (link.kind == BALL)
         return unit(qpos[link.qpos], qpos[link.qpos + 1], qpos[link.qpos + 2], qpos[link.qpos + 3]);
-    const double half = 0.5 * (qpos[link.qpos] - link.qpos0), sine = std::sin(half);
-    return {std::cos(half), sine * link.axis[0], sine * link.axis[1], sine * link.axis[2]};
+    const double half = 0.5 * (qpos[link.qpos] - link.qpos0), sine = fg::sin(half);
+    return {fg::cos(half), sine * link.axis[0], sine * link.axis[1], sine * link.axis[2]};
 }
 
 void write_rotation(Quaternion q, Table<double> rotation) {

@@ -6,6 +6,7 @@
 #include <bit>
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -47,8 +48,8 @@ class Generator {
 // A number beyond the end of the lowest layer.
 double beyond_tail(Generator& generator, double share) {
     while (true) {
-        const double beyond = -INVERSE_TAIL * std::log1p(-share);
-        const double depth = -std::log1p(-generator.share());
+        const double beyond = -INVERSE_TAIL * fg::log1p(-share);
+        const double depth = -fg::log1p(-generator.share());
         if (depth + depth > beyond * beyond) return TAIL + beyond;
         share = generator.share();
     }
@@ -66,7 +67,7 @@ double normal(Generator& generator, const Ziggurat& ziggurat) {
             return size & 256 ? -beyond : beyond;
         }
         const double below = ziggurat.heights[layer], above = ziggurat.heights[layer - 1];
-        if ((above - below) * share + below < std::exp(-0.5 * found * found)) return found;
+        if ((above - below) * share + below < fg::exp(-0.5 * found * found)) return found;
     }
 }
 

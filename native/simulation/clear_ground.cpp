@@ -3,6 +3,7 @@
 #include "clear_ground.hpp"
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -89,7 +90,7 @@ void outline(Table<const float> vertices, Row<const std::int32_t> starts, Row<co
             middle_y += points[k][1] / static_cast<double>(end - first);
         }
         const auto angle_of = [&](std::int64_t k) {
-            return std::atan2(points[k][1] - middle_y, points[k][0] - middle_x);
+            return fg::atan2(points[k][1] - middle_y, points[k][0] - middle_x);
         };
         for (std::int64_t k = first + 1; k < end; ++k) {
             const double own_x = points[k][0], own_y = points[k][1], angle = angle_of(k);

@@ -2,6 +2,7 @@
 #include "telemetry.hpp"
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 #include "../course/modulo.hpp"
 #include "../vehicle/tire_slip.hpp"
 
@@ -25,7 +26,7 @@ void end_motion(double time, Numbers qpos, Numbers qvel, Row<const Car> car, Tel
     const auto [vx, vy] = body_velocity(qpos, qvel, car);
     const double heading = planar_pose(qpos, car)[2];
     const double half = 0.5 * (modulo(heading - row.heading + pi, 2.0 * pi) - pi);  // of the turn in the tick
-    const double ahead = std::cos(half), left = std::sin(half);
+    const double ahead = fg::cos(half), left = fg::sin(half);
     // Both velocities of the centre of gravity in the axes half-way: the one turns back by half, the other on.
     const double x0 = row.vx, y0 = row.vy + row.yaw_rate * lever;
     const double x1 = vx, y1 = vy + qvel[car[0].free_dof + 5] * lever;

@@ -4,6 +4,7 @@
 #include <mujoco/mujoco.h>
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -37,7 +38,7 @@ void judge_cars(Row<bool> running, Row<std::int64_t> reasons, std::int64_t cars_
         std::int64_t done = timer.laps_completed;
         if (stop_time > 0.0) {  // the goal counts once the car has stood behind it
             const std::int64_t dof = layout.qvel[0] + cars[row].free_dof;
-            const double speed = std::hypot(state[dof], state[dof + 1]);
+            const double speed = fg::hypot(state[dof], state[dof + 1]);
             if (!(speed < standing_speed && timer.progress >= length))
                 standing_since[row] = nan;
             else if (std::isnan(standing_since[row]))

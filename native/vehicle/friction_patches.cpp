@@ -1,11 +1,12 @@
 #include "friction_patches.hpp"
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 
 void look_at_floor(double x, double y, double heading, Matrix wheels, Matrix patches, Numbers mu, Row<double> under) {
-    const double cos = std::cos(heading), sin = std::sin(heading);
+    const double cos = fg::cos(heading), sin = fg::sin(heading);
     const double greatest = max(max(max(mu[0], mu[1]), mu[2]), mu[3]);
     for (int tire = 0; tire < 4; ++tire) {
         const double at_x = cos * wheels[tire][0] - sin * wheels[tire][1] + x;

@@ -1,11 +1,12 @@
 #include "motion.hpp"
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 namespace {
 
-const double least_upright = std::cos(80.0 * (pi / 180.0));
+const double least_upright = fg::cos(80.0 * (pi / 180.0));
 constexpr double sideslip_speed = 0.1;  // [m/s]
 
 }  // namespace
@@ -13,7 +14,7 @@ constexpr double sideslip_speed = 0.1;  // [m/s]
 std::array<double, 3> planar_pose(Numbers qpos, Row<const Car> car) {
     const auto i = car[0].free_qpos;
     const double qw = qpos[i + 3], qx = qpos[i + 4], qy = qpos[i + 5], qz = qpos[i + 6];
-    const double heading = std::atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz));
+    const double heading = fg::atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz));
     return {qpos[i], qpos[i + 1], heading};
 }
 
@@ -27,7 +28,7 @@ bool is_rolled_over(Numbers qpos, Row<const Car> car) { return uprightness(qpos,
 double ground_speed(Numbers qpos, Numbers qvel, Row<const Car> car) {
     const double heading = planar_pose(qpos, car)[2];
     const auto i = car[0].free_dof;
-    return qvel[i] * std::cos(heading) + qvel[i + 1] * std::sin(heading);
+    return qvel[i] * fg::cos(heading) + qvel[i + 1] * fg::sin(heading);
 }
 
 double surface_speed(Numbers qvel, Row<const Car> car) {
@@ -57,7 +58,7 @@ void read_odometry(double time, Numbers qpos, Numbers qvel, Numbers sensordata, 
 std::array<double, 2> body_velocity(Numbers qpos, Numbers qvel, Row<const Car> car) {
     const double heading = planar_pose(qpos, car)[2];
     const auto i = car[0].free_dof;
-    const double ahead = std::cos(heading), left = std::sin(heading);
+    const double ahead = fg::cos(heading), left = fg::sin(heading);
     return {qvel[i] * ahead + qvel[i + 1] * left, qvel[i + 1] * ahead - qvel[i] * left};
 }
 
@@ -79,7 +80,7 @@ void read_motions(Row<const bool> which, std::int64_t cars_per_world, Matrix sta
 std::array<double, 6> point_motion(Numbers qpos, Numbers qvel, double ahead, Row<const Car> car) {
     const auto [x, y, heading] = planar_pose(qpos, car);
     const auto i = car[0].free_dof;
-    const double cos = std::cos(heading), sin = std::sin(heading);
+    const double cos = fg::cos(heading), sin = fg::sin(heading);
     const double east = qvel[i], north = qvel[i + 1], yaw_rate = qvel[i + 5];
     const double left = north * cos - east * sin + ahead * yaw_rate;
     return {x + ahead * cos, y + ahead * sin, heading, east * cos + north * sin, left, yaw_rate};
@@ -87,8 +88,8 @@ std::array<double, 6> point_motion(Numbers qpos, Numbers qvel, double ahead, Row
 
 double sideslip_angle(double vx, double vy, double yaw_rate, Row<const Car> car) {
     const double left = vy + yaw_rate * car[0].rear_axle_distance;
-    if (std::hypot(vx, left) < sideslip_speed) return nan;
-    return std::atan2(left, vx);
+    if (fg::hypot(vx, left) < sideslip_speed) return nan;
+    return fg::atan2(left, vx);
 }
 
 void drive(double steering_angle, double speed, Row<const Car> car, Row<double> ctrl) {

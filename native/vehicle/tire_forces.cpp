@@ -1,6 +1,7 @@
 #include "tire_forces.hpp"
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -236,15 +237,15 @@ void place_between(mjData* data, const Gear& gear, std::int64_t dofs, Numbers be
     double* position = data->qpos + gear.free_qpos;
     const double after_x = velocity[0], after_y = velocity[1], after_turn = velocity[5];
     const double gain_x = after_x - before[0], gain_y = after_y - before[1];
-    if (std::hypot(gain_x, gain_y) >= most_pull * timestep) return;
+    if (fg::hypot(gain_x, gain_y) >= most_pull * timestep) return;
     const double half = 0.25 * timestep * (before[2] + after_turn);
-    const double sin_half = std::sin(half), cos_half = std::cos(half);
+    const double sin_half = fg::sin(half), cos_half = fg::cos(half);
     velocity[0] = before[0] + gain_x * cos_half - gain_y * sin_half;
     velocity[1] = before[1] + gain_y * cos_half + gain_x * sin_half;
     position[0] += timestep * (0.5 * (before[0] + velocity[0]) - after_x);
     position[1] += timestep * (0.5 * (before[1] + velocity[1]) - after_y);
     const double quarter = 0.25 * timestep * (before[2] - after_turn);  // half of the angle
-    const double sin = std::sin(quarter), cos = std::cos(quarter);
+    const double sin = fg::sin(quarter), cos = fg::cos(quarter);
     double* turn = position + 3;
     const double w = turn[0], x = turn[1], y = turn[2], z = turn[3];
     turn[0] = w * cos - z * sin, turn[1] = x * cos + y * sin, turn[2] = y * cos - x * sin, turn[3] = z * cos + w * sin;

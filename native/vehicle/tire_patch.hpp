@@ -3,6 +3,7 @@
 #include <array>
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 #include "tire_rows.hpp"
 #include "tires.hpp"
 
@@ -10,7 +11,7 @@ namespace fg {
 
 // Return slip ratio and angle [rad] of deflections [m], positive if braked or drifting left, and their size.
 inline std::array<double, 3> slips(const Tire& tire, double along, double across) {
-    const double ratio = along / tire.relaxation_length, angle = std::atan(across / tire.relaxation_length);
+    const double ratio = along / tire.relaxation_length, angle = fg::atan(across / tire.relaxation_length);
     const double share_x = ratio / tire.peak_slip[0], share_y = angle / tire.peak_slip[1];
     return {ratio, angle, std::sqrt(share_x * share_x + share_y * share_y)};
 }
@@ -32,7 +33,7 @@ std::array<double, 2> patch_force(const Tire& tire, double along, double across,
 // Return the load [N] times what scales the curves of a tire: its load sensitivity, and its lateral peak `mu`.
 inline double grip_of(const Tire& tire, double load, double mu) {
     double grip = load * mu / tire.peak[1];
-    if (tire.load_sensitivity > 0.0 && load > 0.0) grip *= std::pow(load / tire.nominal_load, -tire.load_sensitivity);
+    if (tire.load_sensitivity > 0.0 && load > 0.0) grip *= fg::pow(load / tire.nominal_load, -tire.load_sensitivity);
     return grip;
 }
 
@@ -53,7 +54,7 @@ std::array<double, 7> deflect(const Tire& tire, double along, double across, dou
 inline std::array<double, 2> rolled(double forward, double relaxation_length, double timestep) {
     const double way = timestep * forward / relaxation_length;
     if (way < 1e-6) return {1.0 - way, timestep};
-    const double left = std::exp(-way);
+    const double left = fg::exp(-way);
     return {left, timestep * (1.0 - left) / way};
 }
 

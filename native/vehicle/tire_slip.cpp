@@ -1,6 +1,7 @@
 #include "tire_slip.hpp"
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 #include "tire_patch.hpp"
 
 namespace fg {
@@ -56,7 +57,7 @@ void measure_contact(Numbers row, Numbers axle, double grip, const Place& slip) 
     double z = row[15] + row[16] * arm_y - row[17] * arm_x;
     const double into_ground = x * normal[0] + y * normal[1] + z * normal[2];
     x = x - into_ground * normal[0], y = y - into_ground * normal[1], z = z - into_ground * normal[2];
-    const double friction = std::hypot(row[2], row[3]), speed = std::sqrt(x * x + y * y + z * z);
+    const double friction = fg::hypot(row[2], row[3]), speed = std::sqrt(x * x + y * y + z * z);
     slip[quantity::sliding_speed] = speed;
     slip[quantity::friction_use] = friction / (grip * row[1]);
     slip[quantity::normal_force] = row[1];
@@ -71,13 +72,13 @@ void measure_contact(Numbers row, Numbers axle, double grip, const Place& slip) 
     const double along_axle = x * axle[0] + y * axle[1] + z * axle[2];  // of a velocity along the ground
     slip[quantity::lateral_speed] = std::abs(along_axle) / std::sqrt(max(1.0 - lean * lean, 1e-12));
     // on level ground a contact's frame is z, y, -x, and the sensor turns the tire's force by that
-    const double level = std::hypot(axle[0], axle[1]);
+    const double level = fg::hypot(axle[0], axle[1]);
     const double ahead_x = axle[1] / level, ahead_y = -axle[0] / level;
     slip[quantity::force_x] = ahead_x * row[3] + ahead_y * row[2];
     slip[quantity::force_y] = ahead_x * row[2] - ahead_y * row[3];
     const double forward = ahead_x * row[13] + ahead_y * row[14];
     if (std::abs(forward) > least_rolling) {
-        slip[quantity::slip_angle] = -std::atan2(ahead_x * y - ahead_y * x, std::abs(forward));
+        slip[quantity::slip_angle] = -fg::atan2(ahead_x * y - ahead_y * x, std::abs(forward));
         slip[quantity::slip_ratio] = -(ahead_x * x + ahead_y * y) / std::abs(forward);
     } else {
         slip[quantity::slip_angle] = slip[quantity::slip_ratio] = nan;

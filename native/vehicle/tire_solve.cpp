@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 #include "../core/versions.hpp"
 #include "tire_patch.hpp"
 
@@ -89,7 +90,7 @@ double wheel_rows(const mjData* data, const Tire& tire, int wheel, std::int64_t 
                 if (by > 0) turning += axes[tire.chain[by]][2] * qvel[tire.chain[by]];
             if (turning != before) {
                 const double half = 0.5 * timestep * turning;
-                sin = std::sin(half), cos = std::cos(half);
+                sin = fg::sin(half), cos = fg::cos(half);
             }
         }
         double(&row)[4] = scratch.jacobian[wheel][link];
@@ -366,7 +367,7 @@ FG_VERSIONS void push_car(const mjModel* model, mjData* data, const Inertia& ine
             force[0] = fx, force[1] = fy, force[2] = load;
             state.slip_size = max(state.slip_size, size);
             if (sliding_x != 0.0 || sliding_y != 0.0) {
-                state.sliding = max(state.sliding, std::hypot(sliding_x, sliding_y));
+                state.sliding = max(state.sliding, fg::hypot(sliding_x, sliding_y));
                 state.sliding_across = max(state.sliding_across, std::abs(sliding_y));
             }
         }

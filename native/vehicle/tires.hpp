@@ -4,6 +4,7 @@
 
 #include "../core/arrays.hpp"
 #include "../core/numbers.hpp"
+#include "../core/transcendental.hpp"
 
 namespace fg {
 
@@ -11,7 +12,7 @@ inline double coulomb_force(Numbers numbers, double slip) { return numbers[0] * 
 
 inline double magic_formula_force(Numbers numbers, double slip) {
     const double x = numbers[0] * min(slip, numbers[4]);
-    return numbers[2] * std::sin(numbers[1] * std::atan(x - numbers[3] * (x - std::atan(x))));
+    return numbers[2] * fg::sin(numbers[1] * fg::atan(x - numbers[3] * (x - fg::atan(x))));
 }
 
 inline double linear_force(Numbers numbers, double slip) { return numbers[1] * slip; }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../../course/modulo.hpp"
 #include "../../course/projection.hpp"
 
@@ -19,7 +20,7 @@ constexpr int headings = 72;         // cells of heading in a turn
 constexpr double spacing = 0.02;     // [m] of the grid of distances
 constexpr int circles = 6;           // that cover the footprint, in a row along it
 constexpr double most_behind = 0.8;  // [m] behind its greatest progress: less than on a full circle
-const double aligned = std::cos(pi / 4.0);  // of the angle between the last heading and the centreline
+const double aligned = fg::cos(pi / 4.0);  // of the angle between the last heading and the centreline
 
 // Distances of the nodes of a grid to the nearest wall [m].
 struct Field {
@@ -59,7 +60,7 @@ Field distances_to(Matrix walls, double reach) {
                 const double x = i * spacing - ax, y = j * spacing - ay;
                 const double share = min(max((x * along_x + y * along_y) / squared, 0.0), 1.0);
                 double& least = field.distances[i * field.rows + j];
-                least = min(least, std::hypot(x - share * along_x, y - share * along_y));
+                least = min(least, fg::hypot(x - share * along_x, y - share * along_y));
             }
         }
     }
@@ -81,7 +82,7 @@ private:
 
     // Of the circles [m]; the last term is the error of the grid.
     const double along_ = car_length / circles;
-    const double radius_ = std::hypot(0.5 * along_, 0.5 * car_width) + drivable_margin + std::sqrt(0.5) * spacing;
+    const double radius_ = fg::hypot(0.5 * along_, 0.5 * car_width) + drivable_margin + std::sqrt(0.5) * spacing;
     const Field field_;
     const std::int64_t columns_, rows_;
     std::vector<bool> seen_;
@@ -89,7 +90,7 @@ private:
 
 // Tell whether all circles of the footprint are clear of the walls at a pose.
 bool Search::is_free(const DrivablePose& pose) const {
-    const double cos = std::cos(pose.heading), sin = std::sin(pose.heading);
+    const double cos = fg::cos(pose.heading), sin = fg::sin(pose.heading);
     for (int circle = 0; circle < circles; ++circle) {
         const double middle = along_ * (circle + 0.5) - rear_overhang;
         const std::int64_t i = rounded((pose.x + middle * cos - field_.low_x) / spacing);
@@ -111,8 +112,8 @@ bool Search::is_new(const DrivablePose& pose, std::int64_t& place) const {
 // Return the pose after a step on an arc.
 DrivablePose stepped(const DrivablePose& from, double curvature) {
     const double half_turn = 0.5 * curvature * drivable_step;
-    const double chord = half_turn == 0.0 ? drivable_step : drivable_step * std::sin(half_turn) / half_turn;
-    return {from.x + chord * std::cos(from.heading + half_turn), from.y + chord * std::sin(from.heading + half_turn),
+    const double chord = half_turn == 0.0 ? drivable_step : drivable_step * fg::sin(half_turn) / half_turn;
+    return {from.x + chord * fg::cos(from.heading + half_turn), from.y + chord * fg::sin(from.heading + half_turn),
             from.heading + 2.0 * half_turn};
 }
 
@@ -147,7 +148,7 @@ std::vector<DrivablePose> Search::lap(const DrivablePose& start, Matrix table, d
             if (progress < from.greatest - most_behind) continue;
             seen_[place] = true;
             nodes.push_back({pose, index, progress, max(from.greatest, progress)});
-            if (progress >= length && std::cos(pose.heading - start.heading) > aligned) return way(nodes);
+            if (progress >= length && fg::cos(pose.heading - start.heading) > aligned) return way(nodes);
             waiting.push_back(static_cast<std::int64_t>(nodes.size()) - 1);
         }
     }

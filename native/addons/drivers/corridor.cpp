@@ -3,6 +3,7 @@
 
 #include "../../controllers/control/steering.hpp"
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -24,8 +25,8 @@ std::int64_t ground_points(const ScanGeometry& geometry, Numbers ranges, Table<d
     double last_x = nan, last_y = nan;
     for (int beam = 0; beam < ranges.size(); beam += every) {
         const double bearing = bearing_of(geometry, beam), distance = min(ranges[beam], farthest);
-        const double x = distance * std::cos(bearing), y = distance * std::sin(bearing);
-        const double jump = std::hypot(x - last_x, y - last_y);
+        const double x = distance * fg::cos(bearing), y = distance * fg::sin(bearing);
+        const double jump = fg::hypot(x - last_x, y - last_y);
         const int between = jump > apart ? whole(jump / apart) : 0;
         for (int k = 1; k <= between && count < points.rows; ++k) {
             const double share = k / (between + 1.0);
@@ -42,7 +43,7 @@ std::int64_t ground_points(const ScanGeometry& geometry, Numbers ranges, Table<d
 }
 
 std::array<double, 2> room_beside(Matrix points, double x, double y, double heading) {
-    const double cos = std::cos(heading), sin = std::sin(heading);
+    const double cos = fg::cos(heading), sin = fg::sin(heading);
     double left = widest, right = widest;
     for (std::int64_t k = 0; k < points.rows; ++k) {
         const double dx = points[k][0] - x, dy = points[k][1] - y;
@@ -62,16 +63,16 @@ std::int64_t walk(Matrix points, double x, double y, double heading, Row<WalkPla
     const double share = left_now / max(left_now + right_now, 1e-6);
     path[0] = {x, y, heading, left_now, right_now};
     for (std::int64_t k = 1; k < path.length; ++k) {
-        x += walk_step * std::cos(heading);
-        y += walk_step * std::sin(heading);
+        x += walk_step * fg::cos(heading);
+        y += walk_step * fg::sin(heading);
         const auto [left, right] = room_beside(points, x, y, heading);
         const double wide = left + right;
         if (wide < narrowest) return k;
         const double wanted = min(max(share * wide, min(clear, 0.5 * wide)), max(wide - clear, 0.5 * wide));
         const double across = saturate(left - wanted, slope * walk_step);
-        x -= across * std::sin(heading);
-        y += across * std::cos(heading);
-        heading += follows * std::atan(across / walk_step);
+        x -= across * fg::sin(heading);
+        y += across * fg::cos(heading);
+        heading += follows * fg::atan(across / walk_step);
         path[k] = {x, y, heading, left - across, right + across};
     }
     return path.length;

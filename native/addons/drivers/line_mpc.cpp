@@ -1,5 +1,6 @@
 #include "line_mpc.hpp"
 
+#include "../../core/transcendental.hpp"
 #include "../../controllers/control/slip.hpp"
 #include "../../controllers/control/speed.hpp"
 #include "../../controllers/control/steering.hpp"
@@ -75,8 +76,8 @@ double describe(Matrix line, Place place, const CarParameters& car, Ahead& ahead
     const std::int64_t point = place.point, after = next_point(line, point, 1);
     const double share = place.beyond / line[0][line_step], here = direction_at(line, point);
     const double bend = (1.0 - share) * curvature_at(line, point) + share * curvature_at(line, after);
-    ahead.angle = saturate(std::atan(car.wheelbase * bend), car.max_steering_angle);
-    ahead.curvature = std::tan(ahead.angle) / car.wheelbase;
+    ahead.angle = saturate(fg::atan(car.wheelbase * bend), car.max_steering_angle);
+    ahead.curvature = fg::tan(ahead.angle) / car.wheelbase;
     ahead.right = max(line[point][line_right], line[after][line_right]);
     ahead.left = min(line[point][line_left], line[after][line_left]);
     return here + share * within_turn(direction_at(line, after) - here);
@@ -87,7 +88,7 @@ std::array<double, 2> look_ahead(Matrix line, std::int64_t nearest, const std::a
                                  const Driver& driver, Row<Ahead> ahead) {
     const CarParameters& car = driver.car;
     const double x = begin[0], y = begin[1], heading = begin[2];
-    const double along = direction_at(line, nearest), cos = std::cos(along), sin = std::sin(along);
+    const double along = direction_at(line, nearest), cos = fg::cos(along), sin = fg::sin(along);
     const double aside = cos * (y - line[nearest][line_y]) - sin * (x - line[nearest][line_x]);
     const double braking = driver.has_limiter ? driver.limiter.braking : car.max_acceleration;
     const double accelerating = driver.has_limiter ? driver.limiter.accelerating : car.max_acceleration;
@@ -116,9 +117,9 @@ std::array<double, 4> exponential(double m00, double m01, double m10, double m11
     const double mean = 0.5 * (m00 + m11), half = 0.5 * (m00 - m11);
     const double square = half * half + m01 * m10;
     const double root = std::sqrt(std::abs(square));
-    const double even = square > 0.0 ? std::cosh(root) : std::cos(root);
-    const double odd = root > 1e-9 ? (square > 0.0 ? std::sinh(root) : std::sin(root)) / root : 1.0;
-    const double scale = std::exp(mean);
+    const double even = square > 0.0 ? std::cosh(root) : fg::cos(root);
+    const double odd = root > 1e-9 ? (square > 0.0 ? std::sinh(root) : fg::sin(root)) / root : 1.0;
+    const double scale = fg::exp(mean);
     return {scale * (even + odd * half), scale * odd * m01, scale * odd * m10, scale * (even - odd * half)};
 }
 
@@ -157,7 +158,7 @@ void weigh(const CarParameters& car, Horizon& horizon) {
     for (int k = 0; k <= steps; ++k) {
         const double speed = horizon.ahead[k].speed;
         const double way = speed * dt, length = length_at_rest + (length_time + late_by(car)) * speed;
-        const double cos = std::cos(horizon.ahead[k].angle), gain = 1.0 / (car.wheelbase * (cos * cos));
+        const double cos = fg::cos(horizon.ahead[k].angle), gain = 1.0 / (car.wheelbase * (cos * cos));
         const double square = length * length;
         weights[k][0] = way / (square * square), weights[k][horizon.size - 1] = way * gain * gain;
         if (k < steps) {
@@ -189,7 +190,7 @@ Bounds bounds_of(const Ahead& here, const Ahead& after, const Driver& driver, do
     const double use = settings.lateral_use * (after.speed < speed ? settings.lateral_use_in_braking : 1.0);
     lock = min(lock, friction_steering(after.speed, limiter.mu * use, car.wheelbase, car.gravity));
     if (limiter.slip.needs_slip_angle) lock = min(lock, tightest_arc(limiter.slip, after.speed));
-    const double cos = std::cos(angle), bent = std::tan(angle), slope = 1.0 / (cos * cos);
+    const double cos = fg::cos(angle), bent = fg::tan(angle), slope = 1.0 / (cos * cos);
     const double by_left = settings.turn_in_use * response * car.wheelbase / (limiter.yaw_lag * speed);
     const double coupling = by_left * speed * speed / car.wheelbase, middle = coupling * (angle - bent / slope);
     const double most = by_left * limiter.lateral / slope, least = -by_left * limiter.lateral / slope;
@@ -277,10 +278,10 @@ std::array<double, 4> place_at_command(const Odometry& odometry, const CarParame
                                        const Mpc& mpc) {
     const double x = odometry.pose[0], y = odometry.pose[1], heading = odometry.pose[2], delay = car.command_delay;
     if (delay == 0.0 || !mpc.planned) return {x, y, heading, angle};
-    const double then = mpc.command + (angle - mpc.command) * std::exp(-delay / car.steering_time_constant);
+    const double then = mpc.command + (angle - mpc.command) * fg::exp(-delay / car.steering_time_constant);
     const double way = odometry.speed * delay;
-    const double turn = way * std::tan(0.5 * (angle + then)) / car.wheelbase;
-    return {x + way * std::cos(heading + 0.5 * turn), y + way * std::sin(heading + 0.5 * turn), heading + turn, then};
+    const double turn = way * fg::tan(0.5 * (angle + then)) / car.wheelbase;
+    return {x + way * fg::cos(heading + 0.5 * turn), y + way * fg::sin(heading + 0.5 * turn), heading + turn, then};
 }
 
 void kinematic(Row<const Ahead> ahead, const CarParameters& car, const System& system) {
@@ -288,7 +289,7 @@ void kinematic(Row<const Ahead> ahead, const CarParameters& car, const System& s
         const Table<double> a = system.a[k];
         const Row<double> b = system.b[k], c = system.c[k];
         const double way = 0.5 * (ahead[k].speed + ahead[k + 1].speed) * dt;
-        const double cos = std::cos(ahead[k].angle), gain = 1.0 / (car.wheelbase * (cos * cos));
+        const double cos = fg::cos(ahead[k].angle), gain = 1.0 / (car.wheelbase * (cos * cos));
         const double bend = 0.5 * (ahead[k].curvature + ahead[k + 1].curvature);
         a[0][0] = a[1][1] = a[2][2] = 1.0;
         a[0][1] = way, a[0][2] = 0.5 * way * way * gain, b[0] = way * way * gain * dt / 6.0;

@@ -2,6 +2,7 @@
 
 #include "../../controllers/control/slip.hpp"
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -29,7 +30,7 @@ void limit_speeds(Table<double> table, Numbers bend, const Limiter& limiter, dou
         if (bend[point] == 0.0) continue;
         double corner = std::sqrt(cornering_use * limiter.lateral / std::abs(bend[point]));
         if (limiter.slip.needs_slip_angle) {
-            const double arc = std::atan(limiter.car.wheelbase * std::abs(bend[point]) / cornering_use);
+            const double arc = fg::atan(limiter.car.wheelbase * std::abs(bend[point]) / cornering_use);
             corner = min(corner, fastest_on(limiter.slip, arc, limiter.slip.least_speed));
         }
         table[point][line_speed] = min(table[point][line_speed], corner);

@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "../../core/transcendental.hpp"
 #include "../../controllers/control/slip.hpp"
 #include "../../controllers/control/steering.hpp"
 #include "../../controllers/control/tracking.hpp"
@@ -19,7 +20,7 @@ constexpr double length_at_rest = 0.4, length_time = 0.1;    // [m] and [s]: of 
 std::array<double, 2> errors_at(Matrix line, std::int64_t point, double x, double y, double heading) {
     const double along = direction_at(line, point);
     const double aside =
-        std::cos(along) * (y - line[point][line_y]) - std::sin(along) * (x - line[point][line_x]);
+        fg::cos(along) * (y - line[point][line_y]) - fg::sin(along) * (x - line[point][line_x]);
     return {aside, within_turn(heading - along)};
 }
 
@@ -30,9 +31,9 @@ double speed_of(const Tick& tick) { return min(std::abs(tick.odometry.speed), ti
 double stanley_steering(Matrix line, std::int64_t nearest, Numbers pose, double speed, const CarParameters& car) {
     const double x = pose[0], y = pose[1], heading = pose[2];
     const std::int64_t front = moved_along(line, nearest, car.wheelbase);
-    const double front_x = x + car.wheelbase * std::cos(heading), front_y = y + car.wheelbase * std::sin(heading);
+    const double front_x = x + car.wheelbase * fg::cos(heading), front_y = y + car.wheelbase * fg::sin(heading);
     const auto [aside, angle] = errors_at(line, front, front_x, front_y, heading);
-    return -angle - std::atan2(stanley_gain * aside, max(speed, stanley_slowest));
+    return -angle - fg::atan2(stanley_gain * aside, max(speed, stanley_slowest));
 }
 
 // Return the steering angle [rad] of the regulator, with the line's curvature ahead of its nearest point.
@@ -41,7 +42,7 @@ double lqr_steering(Matrix line, std::int64_t nearest, Numbers pose, double spee
     const double late = steering_lag + late_by(car);
     const double ahead = curvature_at(line, moved_along(line, nearest, late * speed));
     const double length = length_at_rest + (length_time + late_by(car)) * speed;
-    return std::atan(car.wheelbase * (ahead + lqr_feedback(aside, angle, length)));
+    return fg::atan(car.wheelbase * (ahead + lqr_feedback(aside, angle, length)));
 }
 
 // Return the direction [rad] from the car's heading in which its rear axle moves along the line, at a speed [m/s].
@@ -55,7 +56,7 @@ double direction_of_path(Matrix line, std::int64_t nearest, double speed, const 
 
 double direction_at(Matrix line, std::int64_t point) {
     const Numbers before = line[moved_along(line, point, -span)], after = line[moved_along(line, point, span)];
-    return std::atan2(after[line_y] - before[line_y], after[line_x] - before[line_x]);
+    return fg::atan2(after[line_y] - before[line_y], after[line_x] - before[line_x]);
 }
 
 double curvature_at(Matrix line, std::int64_t point) {
@@ -63,7 +64,7 @@ double curvature_at(Matrix line, std::int64_t point) {
     const Numbers after = line[moved_along(line, point, bend_span)];
     const double ux = here[line_x] - before[line_x], uy = here[line_y] - before[line_y];
     const double vx = after[line_x] - here[line_x], vy = after[line_y] - here[line_y];
-    const double sides = std::hypot(ux, uy) * std::hypot(vx, vy) * std::hypot(ux + vx, uy + vy);
+    const double sides = fg::hypot(ux, uy) * fg::hypot(vx, vy) * fg::hypot(ux + vx, uy + vy);
     return sides > 0.0 ? 2.0 * (ux * vy - uy * vx) / sides : 0.0;
 }
 

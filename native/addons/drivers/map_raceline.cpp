@@ -1,6 +1,7 @@
 #include "map_raceline.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -30,7 +31,7 @@ void find_room(Matrix line, Matrix normals, const Walls& walls, std::array<doubl
                Row<double> low, Row<double> high) {
     const auto [half, tail, nose] = outline;
     const int columns = static_cast<int>(walls.starts.rows), rows = static_cast<int>(walls.starts.columns) - 1;
-    const double reach = std::hypot(max(tail, nose), half + most);
+    const double reach = fg::hypot(max(tail, nose), half + most);
     const auto cell = [&](double place, int axis) { return whole((place - walls.origin[axis]) / walls_cell); };
     for (std::int64_t i = 0; i < line.rows; ++i) {
         const Beside at{line[i][0], line[i][1], normals[i][0], normals[i][1], half, tail, nose};

@@ -4,6 +4,7 @@
 #include "../../controllers/control/steering.hpp"
 #include "../../controllers/perception/scan_filters.hpp"
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -58,11 +59,11 @@ bool move(OtherCars& memory, const Odometry& odometry, double period, double lid
         return false;
     }
     const double x =
-        memory.x - lidar_offset * std::cos(memory.heading) + way * std::cos(memory.heading + 0.5 * turn);
+        memory.x - lidar_offset * fg::cos(memory.heading) + way * fg::cos(memory.heading + 0.5 * turn);
     const double y =
-        memory.y - lidar_offset * std::sin(memory.heading) + way * std::sin(memory.heading + 0.5 * turn);
+        memory.y - lidar_offset * fg::sin(memory.heading) + way * fg::sin(memory.heading + 0.5 * turn);
     memory.heading += turn;
-    memory.x = x + lidar_offset * std::cos(memory.heading), memory.y = y + lidar_offset * std::sin(memory.heading);
+    memory.x = x + lidar_offset * fg::cos(memory.heading), memory.y = y + lidar_offset * fg::sin(memory.heading);
     return true;
 }
 
@@ -99,7 +100,7 @@ bool ends_at_edges(Numbers ranges, std::int64_t first, std::int64_t last, double
 
 // Return the bearing of a car [rad].
 double bearing_to(const OtherCars& memory, const CarSeen& car) {
-    return within_turn(std::atan2(car.y - memory.y, car.x - memory.x) - memory.heading);
+    return within_turn(fg::atan2(car.y - memory.y, car.x - memory.x) - memory.heading);
 }
 
 // Return whether there is a beam at a bearing [rad], and it ends beyond a distance [m].
@@ -112,7 +113,7 @@ bool ends_beyond(const ScanGeometry& geometry, Numbers ranges, double bearing, d
 void miss(const OtherCars& memory, CarSeen& car, const Scan& scan, double period) {
     car.unseen += period;
     double patience = car.moves ? forgotten : forgotten_in_view;
-    const double far = std::hypot(car.x - memory.x, car.y - memory.y), bearing = bearing_to(memory, car);
+    const double far = fg::hypot(car.x - memory.x, car.y - memory.y), bearing = bearing_to(memory, car);
     if (car.moves && ends_beyond(scan.geometry, scan.ranges, bearing, far)) {  // it would be seen
         const double last = bearing_of(scan.geometry, scan.ranges.size() - 1);
         if (std::abs(bearing) > min(-scan.geometry.angle_min, last) - rim) {
@@ -142,12 +143,12 @@ void sight(CarSeen& car, Row<double> place, double apart, double noise, double p
     car.y += alpha * dy;
     car.vx += beta * dx / period;
     car.vy += beta * dy / period;
-    const double speed = std::hypot(car.vx, car.vy);
+    const double speed = fg::hypot(car.vx, car.vy);
     if (!(speed > least_speed)) return;
-    const double heading = std::atan2(car.vy, car.vx), turn = within_turn(heading - car.heading);
+    const double heading = fg::atan2(car.vy, car.vx), turn = within_turn(heading - car.heading);
     if (car.age > steady) car.turn_rate += turning * (saturate(turn / period, fastest_turn) - car.turn_rate);
     car.heading = heading;
-    const double way = std::hypot(car.x - car.first_x, car.y - car.first_y);
+    const double way = fg::hypot(car.x - car.first_x, car.y - car.first_y);
     const double of_speed = noise / period * beta * std::sqrt(2.0 / (alpha * (4.0 - 2.0 * alpha - beta)));  // noise
     const bool surely = speed > least_speed + faster * of_speed && way > max(moved, farther * noise);
     car.moves = car.moves || (car.age >= least_age && surely);
@@ -160,7 +161,7 @@ void follow(OtherCars& memory, CarSeen& car, const Scan& scan, double period) {
     std::int64_t nearest = -1;
     double least = gate;
     for (std::int64_t k = 0; k < scan.found.rows; ++k) {
-        const double apart = std::hypot(scan.found[k][0] - car.x, scan.found[k][1] - car.y);
+        const double apart = fg::hypot(scan.found[k][0] - car.x, scan.found[k][1] - car.y);
         if (apart < least) nearest = k, least = apart;
     }
     if (nearest < 0) {
@@ -170,9 +171,9 @@ void follow(OtherCars& memory, CarSeen& car, const Scan& scan, double period) {
     sight(car, scan.found[nearest], least, scan.noise, period);
     if (!car.moves) return;
     for (std::int64_t k = 0; k < scan.found.rows; ++k)
-        if (std::hypot(scan.found[k][0] - car.x, scan.found[k][1] - car.y) < part) scan.found[k][0] = nan;
+        if (fg::hypot(scan.found[k][0] - car.x, scan.found[k][1] - car.y) < part) scan.found[k][0] = nan;
     for (CarSeen& other : memory.cars)
-        if (other.age > 0 && other.age < car.age && std::hypot(other.x - car.x, other.y - car.y) < part) other.age = 0;
+        if (other.age > 0 && other.age < car.age && fg::hypot(other.x - car.x, other.y - car.y) < part) other.age = 0;
 }
 
 // Follow a thing at a place [m] that is new, if there is room for one.
@@ -186,10 +187,10 @@ void write_told(const OtherCars& memory, CarSeen& other, std::array<double, 2> p
                 const ToldCar& told) {
     const auto [ahead, left] = place;
     other.age = steady + 1, other.moves = true, other.unseen = 0.0;
-    other.x = memory.x + std::cos(memory.heading) * ahead - std::sin(memory.heading) * left;
-    other.y = memory.y + std::sin(memory.heading) * ahead + std::cos(memory.heading) * left;
+    other.x = memory.x + fg::cos(memory.heading) * ahead - fg::sin(memory.heading) * left;
+    other.y = memory.y + fg::sin(memory.heading) * ahead + fg::cos(memory.heading) * left;
     other.first_x = other.x, other.first_y = other.y;
-    other.vx = told.speed * std::cos(towards), other.vy = told.speed * std::sin(towards);
+    other.vx = told.speed * fg::cos(towards), other.vy = told.speed * fg::sin(towards);
     other.heading = towards, other.turn_rate = told.yaw_rate;
 }
 
@@ -202,7 +203,7 @@ bool watch_cars(OtherCars& memory, const ScanGeometry& geometry, Numbers ranges,
     double places[most_found][2];
     Scan scan{geometry, ranges, noise_of(ranges, geometry.range_max), table(places)};
     scan.found.rows = find_boxes(geometry, ranges, max(scan.noise, least_noise), scan.found);
-    const double cos = std::cos(memory.heading), sin = std::sin(memory.heading);
+    const double cos = fg::cos(memory.heading), sin = fg::sin(memory.heading);
     for (std::int64_t k = 0; k < scan.found.rows; ++k) {
         const double ahead = places[k][0], left = places[k][1];
         places[k][0] = memory.x + cos * ahead - sin * left, places[k][1] = memory.y + sin * ahead + cos * left;
@@ -237,18 +238,18 @@ bool follow_told(OtherCars& memory, Told& told, const ScanGeometry& geometry, Nu
         told.follows = true;
     }
     const auto [own_x, own_y, own_heading] = odometry.pose;
-    const double cos = std::cos(own_heading), sin = std::sin(own_heading);
+    const double cos = fg::cos(own_heading), sin = fg::sin(own_heading);
     const double to_middle = 0.5 * car.length - car.rear_overhang;
     bool any_there = false;
     for (int k = 0; k < most_others; ++k) {
         const auto& [x, y, heading, speed, yaw_rate] = told.cars[k];
         const double way = speed * age, turn = yaw_rate * age;
         const double dx =
-            x + way * std::cos(heading + 0.5 * turn) + to_middle * std::cos(heading + turn) - own_x;
+            x + way * fg::cos(heading + 0.5 * turn) + to_middle * fg::cos(heading + turn) - own_x;
         const double dy =
-            y + way * std::sin(heading + 0.5 * turn) + to_middle * std::sin(heading + turn) - own_y;
+            y + way * fg::sin(heading + 0.5 * turn) + to_middle * fg::sin(heading + turn) - own_y;
         const double ahead = cos * dx + sin * dy - car.lidar_offset, left = cos * dy - sin * dx;
-        const double far = std::hypot(ahead, left), bearing = std::atan2(left, ahead);
+        const double far = fg::hypot(ahead, left), bearing = fg::atan2(left, ahead);
         const bool in_sight = far < farthest && ends_beyond(geometry, ranges, bearing, far - reached);
         told.unseen[k] = in_sight ? 0.0 : told.unseen[k] + period;
         const bool near = far < near_by && !ends_beyond(geometry, ranges, bearing, -inf);
@@ -286,7 +287,7 @@ std::int64_t find_boxes(const ScanGeometry& geometry, Numbers ranges, double noi
         if (is_box && ends_at_edges(ranges, first, last, noise)) {
             const double bearing = bearing_of(geometry, 0.5 * (first + last));
             const double distance = ranges[(first + last) / 2] + behind;
-            found[count][0] = distance * std::cos(bearing), found[count][1] = distance * std::sin(bearing);
+            found[count][0] = distance * fg::cos(bearing), found[count][1] = distance * fg::sin(bearing);
             ++count;
         }
         first = beam, before = step;
@@ -295,7 +296,7 @@ std::int64_t find_boxes(const ScanGeometry& geometry, Numbers ranges, double noi
 }
 
 std::array<double, 2> seen_from(const OtherCars& memory, double x, double y) {
-    const double cos = std::cos(memory.heading), sin = std::sin(memory.heading);
+    const double cos = fg::cos(memory.heading), sin = fg::sin(memory.heading);
     const double dx = x - memory.x, dy = y - memory.y;
     return {cos * dx + sin * dy, cos * dy - sin * dx};
 }

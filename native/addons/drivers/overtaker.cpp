@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -17,15 +18,15 @@ constexpr double mostly_along = 0.7;      // of a thing's velocity is along the 
 
 // Draw a disc into a scan (n,) [m], by its radius and its place ahead and to the left of the LiDAR [m].
 void draw_disc(const ScanGeometry& geometry, Row<double> ranges, double ahead, double left, double radius) {
-    const double far = std::hypot(ahead, left), bearing = std::atan2(left, ahead);
-    const double half = std::asin(min(radius / max(far, 1.0001 * radius), 1.0));
+    const double far = fg::hypot(ahead, left), bearing = fg::atan2(left, ahead);
+    const double half = fg::asin(min(radius / max(far, 1.0001 * radius), 1.0));
     const double increment = geometry.angle_increment;
     const int first = whole(std::ceil((bearing - half - geometry.angle_min) / increment));
     const int end = whole(std::floor((bearing + half - geometry.angle_min) / increment)) + 1;
     for (int beam = max(first, 0); beam < min(end, ranges.size()); ++beam) {
         const double away = bearing_of(geometry, beam) - bearing;
-        const double side = far * std::sin(away);
-        const double near = far * std::cos(away) - std::sqrt(max(radius * radius - side * side, 0.0));
+        const double side = far * fg::sin(away);
+        const double near = far * fg::cos(away) - std::sqrt(max(radius * radius - side * side, 0.0));
         ranges[beam] = min(ranges[beam], max(near, least_range));
     }
 }
@@ -36,7 +37,7 @@ void draw_car(const ScanGeometry& geometry, Row<double> ranges, std::array<doubl
     const auto [ahead, left, heading] = pose;
     const double radius = 0.5 * car.width + margin, reach = 0.5 * car.length - 0.5 * car.width;
     for (int index = -1; index < 2; ++index)
-        draw_disc(geometry, ranges, ahead + index * reach * std::cos(heading), left + index * reach * std::sin(heading),
+        draw_disc(geometry, ranges, ahead + index * reach * fg::cos(heading), left + index * reach * fg::sin(heading),
                   radius);
 }
 
@@ -64,12 +65,12 @@ void draw_cars(const Racing& memory, const ScanGeometry& geometry, Row<double> r
         const CarSeen& other = memory.seen.cars[k];
         const Passing& passing = memory.passing[k];
         if (passing.places == 0 || passing.what == Passing::follows) continue;
-        double speed = std::hypot(other.vx, other.vy), time = 0.0, way = 0.0;
+        double speed = fg::hypot(other.vx, other.vy), time = 0.0, way = 0.0;
         const double step = (speed / settings.braking + settings.least_lead) / stop_steps;
         const bool is_ahead = passing.along > 0.5 * car.length;
         for (int index = 0; index <= stop_steps; ++index) {
             const std::array<double, 3> pose = pose_on(passing, way);
-            const double off = std::hypot(pose[0], pose[1]) - own_speed * time;
+            const double off = fg::hypot(pose[0], pose[1]) - own_speed * time;
             if ((index == stop_steps && is_ahead) || std::abs(off) < car.length)
                 draw_car(geometry, ranges, pose, car, settings.car_margin);
             way += step * speed;
@@ -82,16 +83,16 @@ void draw_cars(const Racing& memory, const ScanGeometry& geometry, Row<double> r
 // Predict what crosses the car's way and is no part of what may be a car; return whether there is something.
 bool leave_cars_out(const OtherCars& memory, Predictions& predictions) {
     Targets& seen = predictions.targets;
-    const double cos = std::cos(seen.heading), sin = std::sin(seen.heading);
+    const double cos = fg::cos(seen.heading), sin = fg::sin(seen.heading);
     for (Target& target : seen.targets) {
         if (target.age == 0 || !target.moves) continue;
         const double along = std::abs(cos * target.vx + sin * target.vy);
         bool of_car =
-            target.size < 0.5 * widest_box || along > mostly_along * std::hypot(target.vx, target.vy);
+            target.size < 0.5 * widest_box || along > mostly_along * fg::hypot(target.vx, target.vy);
         const auto [x, y] = position_of(seen, target);
         for (const CarSeen& car : memory.cars) {
             const auto [ahead, left] = seen_from(memory, car.x, car.y);
-            of_car = of_car || (car.age > 0 && std::hypot(ahead - x, left - y) < of_car_radius);
+            of_car = of_car || (car.age > 0 && fg::hypot(ahead - x, left - y) < of_car_radius);
         }
         if (of_car) target.moves = false;
     }
@@ -107,9 +108,9 @@ void lengthen(Row<double> ranges, int first, int last, double increment) {
         after = before;
     for (int beam = first; beam <= last; ++beam) {
         const double left = (after - beam) * increment, right = (beam - before) * increment;
-        const double inverse = std::sin(left) / max(ranges[before], least_range) +
-                               std::sin(right) / max(ranges[after], least_range);
-        const double between = after > before ? std::sin(left + right) / inverse : ranges[after];
+        const double inverse = fg::sin(left) / max(ranges[before], least_range) +
+                               fg::sin(right) / max(ranges[after], least_range);
+        const double between = after > before ? fg::sin(left + right) / inverse : ranges[after];
         ranges[beam] = max(ranges[beam], between);
     }
 }
@@ -117,7 +118,7 @@ void lengthen(Row<double> ranges, int first, int last, double increment) {
 // Return whether a beam ends round a place ahead and to the left of the LiDAR [m] where it ends on a car.
 bool ends_near(const ScanGeometry& geometry, Numbers ranges, int beam, double ahead, double left) {
     const double bearing = bearing_of(geometry, beam), distance = ranges[beam];
-    return std::hypot(distance * std::cos(bearing) - ahead, distance * std::sin(bearing) - left) < hidden;
+    return fg::hypot(distance * fg::cos(bearing) - ahead, distance * fg::sin(bearing) - left) < hidden;
 }
 
 // Write the scans of a tick in which the planner sees, and return the greatest speed [m/s], and whether there is a car.
@@ -176,9 +177,9 @@ void hide_cars(const Racing& memory, const ScanGeometry& geometry, Row<double> r
         const CarSeen& car = seen.cars[index];
         if (car.age == 0 || !car.moves || memory.passing[index].stood > stands_for) continue;
         const auto [ahead, left] = seen_from(seen, car.x, car.y);
-        const double far = std::hypot(ahead, left), increment = geometry.angle_increment;
-        const int middle = whole(std::nearbyint((std::atan2(left, ahead) - geometry.angle_min) / increment));
-        const int half = whole(std::ceil(std::asin(min(hidden / max(far, hidden), 1.0)) / increment));
+        const double far = fg::hypot(ahead, left), increment = geometry.angle_increment;
+        const int middle = whole(std::nearbyint((fg::atan2(left, ahead) - geometry.angle_min) / increment));
+        const int half = whole(std::ceil(fg::asin(min(hidden / max(far, hidden), 1.0)) / increment));
         const int first = max(middle - half, 0), end = min(middle + half + 1, ranges.size());
         for (int beam = first; beam < end; ++beam) {
             if (!ends_near(geometry, ranges, beam, ahead, left)) continue;

@@ -7,6 +7,7 @@
 #include "../../controllers/control/steering.hpp"
 #include "../../controllers/control/tracking.hpp"
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -103,22 +104,22 @@ void write_lane(const Passing& passing, const CarParameters& car, const Overtake
         const double room = (passing.side > 0 ? place.left : place.right) - 0.5 * car.width;
         const double away = max(0.5 * room, room - settings.beside_wall - 0.5 * car.width);
         const double off = passing.side * (0.5 * car.width + min(away, widest));
-        points[k][0] = place.x - off * std::sin(place.heading) + car.lidar_offset;
-        points[k][1] = place.y + off * std::cos(place.heading);
+        points[k][0] = place.x - off * fg::sin(place.heading) + car.lidar_offset;
+        points[k][1] = place.y + off * fg::cos(place.heading);
     }
 }
 
 // Write the motion (n, 4) to a lane; return its places, and the greatest square of the speed on it [m^2/s^2].
 std::tuple<std::int64_t, double> write_motion(Matrix points, double own_speed, const Driver& driver,
                                               Table<double> motion) {
-    double sharpest = std::tan(driver.car.max_steering_angle) / driver.car.wheelbase;
+    double sharpest = fg::tan(driver.car.max_steering_angle) / driver.car.wheelbase;
     const double lateral = grip * driver.limiter.lateral;
     if (driver.has_limiter) sharpest = min(sharpest, lateral / max(own_speed * own_speed, 0.01));
     const double sight = max(least_sight, sight_time * own_speed);
     double x = 0.0, y = 0.0, heading = 0.0, square = inf;
     std::int64_t first = 0, count = 0;
     for (; count < motion.rows; ++count) {
-        const double cos = std::cos(heading), sin = std::sin(heading);
+        const double cos = fg::cos(heading), sin = fg::sin(heading);
         double ahead = 0.0, left = 0.0;
         for (; first < points.rows; ++first) {
             const double dx = points[first][0] - x, dy = points[first][1] - y;
@@ -127,8 +128,8 @@ std::tuple<std::int64_t, double> write_motion(Matrix points, double own_speed, c
         }
         if (first == points.rows) break;
         const double wanted = 2.0 * left / (ahead * ahead + left * left), curvature = saturate(wanted, sharpest);
-        x += lane_step * std::cos(heading + 0.5 * curvature * lane_step);
-        y += lane_step * std::sin(heading + 0.5 * curvature * lane_step);
+        x += lane_step * fg::cos(heading + 0.5 * curvature * lane_step);
+        y += lane_step * fg::sin(heading + 0.5 * curvature * lane_step);
         heading += curvature * lane_step;
         if (driver.has_limiter && wanted != 0.0) {
             const double before = 2.0 * slowing * driver.limiter.braking * count * lane_step;
@@ -153,7 +154,7 @@ double choose(Racing& memory, const ScanGeometry& geometry, Numbers without, con
     for (int k = 0; k < most_cars; ++k) {
         CarSeen& other = seen.cars[k];
         Passing& passing = memory.passing[k];
-        const bool slow = other.age > 0 && std::hypot(other.vx, other.vy) < standing;
+        const bool slow = other.age > 0 && fg::hypot(other.vx, other.vy) < standing;
         passing.stood = slow ? passing.stood + period : 0.0;
         if (other.age == 0 || !other.moves || passing.stood > stands_for) {
             passing.what = Passing::follows;
@@ -165,15 +166,15 @@ double choose(Racing& memory, const ScanGeometry& geometry, Numbers without, con
         const double heading = within_turn(other.heading - seen.heading);
         passing.places = walk(points, x, y, heading, row(passing.way));
         if (other.unseen > 0.0 && passing.places > 2) {  // it follows the course
-            const double towards = seen.heading + passing.way[1].heading, fast = std::hypot(other.vx, other.vy);
-            other.vx = fast * std::cos(towards), other.vy = fast * std::sin(towards), other.heading = towards;
+            const double towards = seen.heading + passing.way[1].heading, fast = fg::hypot(other.vx, other.vy);
+            other.vx = fast * fg::cos(towards), other.vy = fast * fg::sin(towards), other.heading = towards;
         }
         const double between = 0.5 * heading;  // a car that has turned into the next corner is ahead
         const double dx = x + to_middle;
-        passing.along = std::cos(between) * dx + std::sin(between) * y;
-        passing.across = std::sin(between) * dx - std::cos(between) * y;
-        passing.speed = max(std::hypot(other.vx, other.vy) * std::cos(between), 0.0);
-        const double gap = std::hypot(dx, y) - car.length;
+        passing.along = fg::cos(between) * dx + fg::sin(between) * y;
+        passing.across = fg::sin(between) * dx - fg::cos(between) * y;
+        passing.speed = max(fg::hypot(other.vx, other.vy) * fg::cos(between), 0.0);
+        const double gap = fg::hypot(dx, y) - car.length;
         passing.waits = max(passing.waits - period, 0.0);
         const bool still_behind = passing.what == Passing::passes && passing.along > car.length;
         passing.lasts = still_behind ? passing.lasts + period : 0.0;
@@ -188,7 +189,7 @@ void predict_cars(const Racing& memory, const CarParameters& car, double braking
         const CarSeen& other = memory.seen.cars[k];
         const Passing& passing = memory.passing[k];
         if (passing.places == 0 || passing.along < -0.25 * car.length) continue;
-        const double speed = std::hypot(other.vx, other.vy);
+        const double speed = fg::hypot(other.vx, other.vy);
         const std::int64_t last =
             min(passing.places - 1, static_cast<std::int64_t>(max(whole(predicted * speed / walk_step), 2)));
         const WalkPlace& here = passing.way[0];
@@ -198,9 +199,9 @@ void predict_cars(const Racing& memory, const CarParameters& car, double braking
         for (int index = -1; index < 2; ++index) {
             Prediction& disc = prediction(table(predictions.rows)[predictions.count++]);
             ++predictions.cars;
-            disc.x = here.x + index * reach * std::cos(here.heading);
-            disc.y = here.y + index * reach * std::sin(here.heading);
-            disc.cos = std::cos(here.heading), disc.sin = std::sin(here.heading);
+            disc.x = here.x + index * reach * fg::cos(here.heading);
+            disc.y = here.y + index * reach * fg::sin(here.heading);
+            disc.cos = fg::cos(here.heading), disc.sin = fg::sin(here.heading);
             disc.speed = speed, disc.radius = 0.5 * car.width;
             disc.to_wall = inf, disc.braking = braking;
             disc.spread = speed > standing ? spread : 0.0;
@@ -213,7 +214,7 @@ std::array<double, 3> pose_on(const Passing& passing, double way) {
     const std::int64_t first = min(static_cast<std::int64_t>(whole(way / walk_step)), passing.places - 1);
     const WalkPlace& place = passing.way[first];
     const double beyond = way - first * walk_step;
-    return {place.x + beyond * std::cos(place.heading), place.y + beyond * std::sin(place.heading), place.heading};
+    return {place.x + beyond * fg::cos(place.heading), place.y + beyond * fg::sin(place.heading), place.heading};
 }
 
 void take_lane(const Racing& memory, double own_speed, const Driver& driver, const OvertakerSettings& settings,
@@ -232,8 +233,8 @@ void take_lane(const Racing& memory, double own_speed, const Driver& driver, con
     reference.steering_angle =
         steer_along(lane, 0, {0.0, 0.0, 0.0}, own_speed, car.wheelbase, late_by(car), path_late);
     const double ahead = lane[count - 1][motion_x] - car.lidar_offset, left = lane[count - 1][motion_y];
-    reference.bearing = std::atan2(left, ahead);
-    reference.distance = std::hypot(left, ahead);
+    reference.bearing = fg::atan2(left, ahead);
+    reference.distance = fg::hypot(left, ahead);
     reference.speed = min(std::sqrt(square), driver.max_speed);
 }
 

@@ -1,5 +1,6 @@
 #include "pure_pursuit.hpp"
 
+#include "../../core/transcendental.hpp"
 #include "../../controllers/control/slip.hpp"
 #include "../../controllers/control/steering.hpp"
 #include "line_profile.hpp"
@@ -13,7 +14,7 @@ constexpr double search = 2.0;         // [m] along the line, to either side of 
 
 // Return the distance [m] of a point of the line from (x, y) [m].
 double distance_to(Matrix line, std::int64_t point, double x, double y) {
-    return std::hypot(line[point][line_x] - x, line[point][line_y] - y);
+    return fg::hypot(line[point][line_x] - x, line[point][line_y] - y);
 }
 
 // Return the point of the line that is nearest to (x, y) [m].
@@ -106,9 +107,9 @@ std::array<double, 4> follow(const Tick& tick, const PurePursuitSettings& settin
     tick.reference.point = nearest, tick.reference.off_line = offset;
     const double lookahead = lookahead_at(settings, tick.driver.limiter.slip, car, now, offset);
     const auto [goal_x, goal_y] = goal_ahead(line, nearest, lookahead, x, y);
-    double bearing = std::atan2(goal_y - y, goal_x - x) - heading;
-    const double distance = std::hypot(goal_x - x, goal_y - y);
-    bearing = std::atan2(std::sin(bearing), std::cos(bearing));
+    double bearing = fg::atan2(goal_y - y, goal_x - x) - heading;
+    const double distance = fg::hypot(goal_x - x, goal_y - y);
+    bearing = fg::atan2(fg::sin(bearing), fg::cos(bearing));
     const double speed = profile_speed(line, nearest, (settings.reaction + late_by(car)) * now);
     const double steering_angle = std::abs(bearing) > 0.5 * pi ? std::copysign(car.max_steering_angle, bearing)
                                                                : pursue(bearing, distance, 0.0, car.wheelbase);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -42,14 +43,14 @@ std::array<double, 2> axle_loads(double acceleration, const SingleTrackCar& car)
 // Return F_y / F_z of an axle [-] at a slip angle [rad].
 double friction_used(double slip, const AxleTires& tire) {
     const double x = tire.stiffness / (tire.c * tire.d) * slip;
-    return tire.d * std::sin(tire.c * std::atan(x - tire.e * (x - std::atan(x))));
+    return tire.d * fg::sin(tire.c * fg::atan(x - tire.e * (x - fg::atan(x))));
 }
 
 // Return F_y / F_z of a tire [-] at a slip of its own sign, never below its share of the peak behind it.
 double held(double slip, const AxleTires& tire) {
     const double x = tire.stiffness / (tire.c * tire.d) * slip;
-    const double turn = tire.c * std::atan(x - tire.e * (x - std::atan(x)));
-    const double used = tire.d * std::sin(turn);
+    const double turn = tire.c * fg::atan(x - tire.e * (x - fg::atan(x)));
+    const double used = tire.d * fg::sin(turn);
     return turn > 0.5 * pi ? max(used, sliding_share * tire.d) : used;
 }
 
@@ -92,7 +93,7 @@ std::array<double, 2> pulls(double total, const Motion& motion, std::array<doubl
 
 // Return the slip angles of both axles [rad]; `vy` is of what the wheels stand on, below the centre of gravity.
 std::array<double, 2> slips(double vy, double r, double steering, double vx, const SingleTrackCar& car) {
-    return {steering - std::atan2(vy + car.front * r, vx), -std::atan2(vy - car.rear * r, vx)};
+    return {steering - fg::atan2(vy + car.front * r, vx), -fg::atan2(vy - car.rear * r, vx)};
 }
 
 // Return the lateral [m/s^2] and the yaw acceleration [rad/s^2] of a car whose tires all differ.
@@ -101,9 +102,9 @@ std::array<double, 2> two_track_accelerations(const Motion& motion, const Driven
     const SingleTrackCar& car = drive.car;
     const double vy = motion.vy, r = motion.r, vx = now.vx, half = car.half_width;
     const double length = car.front + car.rear;
-    const double cos = std::cos(now.steering), sin = std::sin(now.steering);
+    const double cos = fg::cos(now.steering), sin = fg::sin(now.steering);
     // What drives the car overcomes the drag of the steered wheels, as at the force that turns the car.
-    const double drag = car.mass * motion.leaning * car.rear / length * std::tan(now.steering);
+    const double drag = car.mass * motion.leaning * car.rear / length * fg::tan(now.steering);
     const double rolls = vx / (vx * cos + (vy + car.front * r) * sin);
     const auto [pull_front, pull_rear] = pulls(car.mass * now.ax + drag, motion, loads, cos, rolls, drive);
     const double moved = 0.25 * car.mass * motion.leaning * car.height / half;  // [N] to the outer tire of each axle
@@ -111,17 +112,17 @@ std::array<double, 2> two_track_accelerations(const Motion& motion, const Driven
     for (const double side : {-1.0, 1.0}) {  // right, left
         const double along = vx - side * half * r;
         // Ackermann's angle of this wheel, and how its slip angle differs from its axle's
-        const double angle = std::atan2(length * sin, length * cos - side * half * sin);
+        const double angle = fg::atan2(length * sin, length * cos - side * half * sin);
         double apart =
-            (angle - std::atan2(vy + car.front * r, along)) - (now.steering - std::atan2(vy + car.front * r, vx));
+            (angle - fg::atan2(vy + car.front * r, along)) - (now.steering - fg::atan2(vy + car.front * r, vx));
         double load = max(0.5 * loads[0] - side * moved, 0.0);
         double pull = 0.5 * pull_front;
         double force = across_tire(motion.slip[0] + apart, load, pull, drive.tires.front);
-        const double cos_wheel = std::cos(angle), sin_wheel = std::sin(angle);
+        const double cos_wheel = fg::cos(angle), sin_wheel = fg::sin(angle);
         const double to_left = force * cos_wheel + pull * sin_wheel;
         across += to_left;
         turning += car.front * to_left - side * half * (pull * cos_wheel - force * sin_wheel);
-        apart = std::atan2(vy - car.rear * r, vx) - std::atan2(vy - car.rear * r, along);
+        apart = fg::atan2(vy - car.rear * r, vx) - fg::atan2(vy - car.rear * r, along);
         load = max(0.5 * loads[1] - side * moved, 0.0);
         pull = 0.5 * pull_rear;
         force = across_tire(motion.slip[1] + apart, load, pull, drive.tires.rear);
@@ -136,7 +137,7 @@ std::array<double, 2> accelerations(const Motion& motion, const Driven& now, con
     const SingleTrackCar& car = drive.car;
     const auto loads = axle_loads(now.ax, car);
     if (car.half_width != 0.0) return two_track_accelerations(motion, now, loads, drive);
-    const double cos = std::cos(now.steering), sin = std::sin(now.steering), share = car.front_share;
+    const double cos = fg::cos(now.steering), sin = fg::sin(now.steering), share = car.front_share;
     const double force_front = loads[0] * friction_used(motion.slip[0], drive.tires.front);
     const double force_rear = loads[1] * friction_used(motion.slip[1], drive.tires.rear);
     const double pull = share * (car.mass * now.ax + force_front * sin) / (share * cos + 1.0 - share);
@@ -160,7 +161,7 @@ void advance(Motion& motion, std::array<double, 2> accelerations_now, const Driv
         // exact where the slip angle that they follow changes evenly
         const auto steady = slips(motion.vy + swing, motion.r, now.steering, now.vx, car);
         const double way = part * 0.5 * (now.vx + then.vx) / drive.relaxation_length;
-        const double kept = std::exp(-way), mean = (1.0 - kept) / way;
+        const double kept = fg::exp(-way), mean = (1.0 - kept) / way;
         for (const int axle : {0, 1}) {
             next.slip[axle] =
                 kept * motion.slip[axle] + (mean - kept) * steady[axle] + (1.0 - mean) * next.slip[axle];
@@ -178,8 +179,8 @@ void advance(Motion& motion, std::array<double, 2> accelerations_now, const Driv
     next.heading = motion.heading + half * (motion.r + next.r);
     const double halfway = 0.5 * (motion.heading + next.heading), across = 0.5 * (motion.vy + next.vy);
     const double ahead = 0.5 * (now.vx + then.vx);
-    next.x = motion.x + part * (ahead * std::cos(halfway) - across * std::sin(halfway));
-    next.y = motion.y + part * (ahead * std::sin(halfway) + across * std::cos(halfway));
+    next.x = motion.x + part * (ahead * fg::cos(halfway) - across * fg::sin(halfway));
+    next.y = motion.y + part * (ahead * fg::sin(halfway) + across * fg::cos(halfway));
     next.leaning = new_ay;
     if (drive.relaxation_length == 0.0) next.slip = slips(next.vy, next.r, then.steering, then.vx, car);
     motion = next;
@@ -203,7 +204,7 @@ void simulate_segments(const SimulatedDrive& drive, Table<const std::int64_t> se
     rolling.rolls = drive.relaxation_length > 0.0 && car.half_width > 0.0 && car.height > 0.0 && drive.gain != 1.0;
     if (rolling.rolls) {
         rolling.lean = (drive.gain - 1.0) / car.gravity;
-        rolling.rolled = std::exp(-part / (car.half_width * std::sqrt(std::abs(rolling.lean) / car.height)));
+        rolling.rolled = fg::exp(-part / (car.half_width * std::sqrt(std::abs(rolling.lean) / car.height)));
     }
     const auto at = [&](std::int64_t node) {
         return Driven{drive.steering[node], drive.forward_speed[node], drive.forward_acceleration[node]};

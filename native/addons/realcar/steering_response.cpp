@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../../course/projection.hpp"
 
 namespace fg {
@@ -19,7 +20,7 @@ double turned(double angle, double target, double slope, double lag, double rate
     }
     if (lag == 0.0) return left > 0.0 ? target + slope * seconds : angle;
     const double end = target + slope * (seconds - lag);
-    return end + (angle - target + slope * lag) * std::exp(-left / lag);
+    return end + (angle - target + slope * lag) * fg::exp(-left / lag);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../perception/frontiers.hpp"
 #include "../perception/scan_filters.hpp"
 #include "../safety/braking_trajectories.hpp"
@@ -182,7 +183,7 @@ std::int64_t fault_in(const Tick& tick, Matrix path, double speed) {
         sharpest = max(sharpest, std::abs(point[motion_curvature]));
     }
     if (speed < 0.0) return fault_reverses;
-    const double most = 1.001 * std::tan(car.max_steering_angle) / car.wheelbase;
+    const double most = 1.001 * fg::tan(car.max_steering_angle) / car.wheelbase;
     return sharpest > most ? static_cast<std::int64_t>(fault_too_sharp) : -1;
 }
 

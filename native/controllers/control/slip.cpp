@@ -1,6 +1,8 @@
 // Slip angles in a steady curve: of an axle, of a car whose axles differ or whose shaft is wound up, and back to arcs.
 #include "slip.hpp"
 
+#include "../../core/transcendental.hpp"
+
 namespace fg {
 namespace {
 
@@ -22,24 +24,24 @@ double lead(const Slip& slip, double force) {
 // The front axle has the longer way, by 1 / cos(d), and a shaft lets it turn no faster than the other one. So the front
 // wheels slip along their heading by a part of 1 - cos(d), and their drag pulls sideways by sin(d).
 double wound_up(const Slip& slip, double angle) {
-    return slip.wound_up * (1.0 - std::cos(angle)) * std::tan(angle);
+    return slip.wound_up * (1.0 - fg::cos(angle)) * fg::tan(angle);
 }
 
 // Return the force of an axle over its load at a slip angle [rad], or at a slip ratio: `slip_angle` read back.
 double axle_force(const Axle& axle, double angle) {
     if (axle.C == 0.0) return axle.B * angle;
-    return axle.D * std::sin(axle.C * std::atan(axle.B * angle));
+    return axle.D * fg::sin(axle.C * fg::atan(axle.B * angle));
 }
 
 // Return the angle of an arc as `arc_angle`, without sign and up to a lateral acceleration over g.
 double arc_within(const Slip& slip, double steering_angle, double speed, double lock, double wheelbase, double gravity,
                   double most) {
-    double low = 0.0, high = min(lock, std::atan2(wheelbase * gravity * most, speed * speed));
+    double low = 0.0, high = min(lock, fg::atan2(wheelbase * gravity * most, speed * speed));
     const double over = speed * speed / (wheelbase * gravity);
-    if (high + lead(slip, over * std::tan(high)) + wound_up(slip, high) <= steering_angle) return high;
+    if (high + lead(slip, over * fg::tan(high)) + wound_up(slip, high) <= steering_angle) return high;
     for (int i = 0; i < halvings; ++i) {
         const double middle = 0.5 * (low + high);
-        if (middle + lead(slip, over * std::tan(middle)) + wound_up(slip, middle) <= steering_angle)
+        if (middle + lead(slip, over * fg::tan(middle)) + wound_up(slip, middle) <= steering_angle)
             low = middle;
         else
             high = middle;
@@ -60,7 +62,7 @@ double drive_slip(const Slip& slip, const CarParameters& car, double pull) {
 
 double slip_angle(const Axle& axle, double force) {
     if (axle.C == 0.0) return force / axle.B;
-    return std::tan(std::asin(min(force / axle.D, most_use)) / axle.C) / axle.B;
+    return fg::tan(fg::asin(min(force / axle.D, most_use)) / axle.C) / axle.B;
 }
 
 // On the arc of `angle` a wound-up shaft drags the front axle along: of the slip of driving the rear axle has the more,
@@ -69,7 +71,7 @@ double slip_angle(const Axle& axle, double force) {
 double held_on_arc(const Slip& slip, const CarParameters& car, double angle, double lateral, bool back, bool brakes,
                    double use) {
     const double inner = max(1.0 - 2.0 * car.center_of_gravity_height / car.track_width * lateral, 0.0);
-    const double wound = slip.wound_up > 0.0 ? 1.0 - std::cos(angle) : 0.0;
+    const double wound = slip.wound_up > 0.0 ? 1.0 - fg::cos(angle) : 0.0;
     const double most = use * slip.front.D;
     double of_rear = slip_angle(slip.rear, use * inner * slip.rear.D), of_front = of_rear - wound;
     if (brakes) {
@@ -85,7 +87,7 @@ double held_on_arc(const Slip& slip, const CarParameters& car, double angle, dou
 
 double steered(const Slip& slip, const CarParameters& car, double angle, double speed) {
     if (angle == 0.0 || !std::isfinite(angle + speed)) return angle;
-    const double force = speed * speed * std::tan(std::abs(angle)) / (car.wheelbase * car.gravity);
+    const double force = speed * speed * fg::tan(std::abs(angle)) / (car.wheelbase * car.gravity);
     const double more = lead(slip, force) + wound_up(slip, std::abs(angle));
     return saturate(angle + std::copysign(more, angle), car.max_steering_angle);
 }
@@ -148,7 +150,7 @@ double yaw_rate_on_arc(const Slip& slip, const CarParameters& car, const Odometr
 // are faster than the ground by a slip ratio s, or slower: v = wheels / (1 + s). A shaft that is wound up on the arc of
 // `angle` makes the rear wheels faster. A command of 0: none.
 double ground_speed(const Slip& slip, const CarParameters& car, double wheels, double angle, double command) {
-    if (slip.wound_up > 0.0) wheels /= 1.0 + (1.0 - slip.wound_up) * (1.0 - std::cos(angle));
+    if (slip.wound_up > 0.0) wheels /= 1.0 + (1.0 - slip.wound_up) * (1.0 - fg::cos(angle));
     if (!(std::abs(wheels) > slow && command != 0.0)) return wheels;
     double pull = saturate((command - wheels) / car.speed_time_constant, car.max_acceleration);
     pull = (pull - drag(car, wheels)) / car.gravity;
@@ -160,7 +162,7 @@ double to_velocity_frame(const Slip& slip, const CarParameters& car, const ScanG
                          const Odometry& odometry, double command, VelocityFrame& frame) {
     const double yaw_rate = odometry.angular_velocity[2], last = frame.angle;
     const bool fast = std::abs(odometry.speed) > slow;
-    const double turn = fast ? std::atan(car.wheelbase * yaw_rate / odometry.speed) : odometry.steering_angle;
+    const double turn = fast ? fg::atan(car.wheelbase * yaw_rate / odometry.speed) : odometry.steering_angle;
     const double speed = ground_speed(slip, car, odometry.speed, turn, command);
     const double excess = odometry.speed - speed;
     frame.excess = std::isfinite(excess) ? excess : 0.0;  // what is not finite is not added to a command
@@ -173,7 +175,7 @@ double to_velocity_frame(const Slip& slip, const CarParameters& car, const ScanG
     seen.steering_angle = arc_angle(slip, car, odometry.steering_angle, speed);
     seen.angular_velocity[2] += (frame.angle - last) / period_of(geometry);
     if (speed > slow) return yaw_rate / speed;
-    return std::tan(seen.steering_angle) / car.wheelbase;
+    return fg::tan(seen.steering_angle) / car.wheelbase;
 }
 
 }  // namespace fg

@@ -2,6 +2,7 @@
 #pragma once
 #include "../../core/arrays.hpp"
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../../core/records.hpp"
 #include "../../messages.hpp"
 #include "../perception/scan_geometry.hpp"
@@ -84,9 +85,9 @@ double stable_braking(const Slip& slip, double use, double speed);
 // Return the angle [rad] of the arc to command so that the car keeps its path; `angle` of tires that are not soft.
 inline double held_arc(const Slip& slip, const CarParameters& car, double angle, double curvature) {
     if (!slip.needs_slip_angle) return angle;
-    const double more = curvature - std::tan(angle) / car.wheelbase;
+    const double more = curvature - fg::tan(angle) / car.wheelbase;
     if (!(more * curvature > 0.0)) return angle;
-    return std::atan(std::tan(angle) - car.wheelbase * more);
+    return fg::atan(fg::tan(angle) - car.wheelbase * more);
 }
 
 // Return the way [m] over which the path of a car follows its steering: v^2 s / a for a slip angle s at a.

@@ -3,6 +3,7 @@
 #include "tracking.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -12,7 +13,7 @@ constexpr double length_at_rest = 0.3, length_time = 0.1;  // [m] and [s]: over 
 }  // namespace
 
 std::int64_t next_point(Matrix points, std::int64_t index, double x, double y, double heading) {
-    const double cos = std::cos(heading), sin = std::sin(heading);
+    const double cos = fg::cos(heading), sin = fg::sin(heading);
     while (index + 1 < points.rows &&
            cos * (points[index][motion_x] - x) + sin * (points[index][motion_y] - y) <= 0.0)
         ++index;
@@ -20,7 +21,7 @@ std::int64_t next_point(Matrix points, std::int64_t index, double x, double y, d
 }
 
 std::array<double, 3> errors(Numbers point, double x, double y, double heading) {
-    const double cos = std::cos(point[motion_heading]), sin = std::sin(point[motion_heading]);
+    const double cos = fg::cos(point[motion_heading]), sin = fg::sin(point[motion_heading]);
     const double ahead = cos * (point[motion_x] - x) + sin * (point[motion_y] - y);
     const double aside = cos * (y - point[motion_y]) - sin * (x - point[motion_x]) -
                          0.5 * point[motion_curvature] * ahead * ahead;
@@ -35,12 +36,12 @@ double steer_along(Matrix points, std::int64_t index, std::array<double, 3> pose
     std::int64_t at = index;
     while (along < (steering_lag + late) * speed && at + 1 < points.rows) {
         const Numbers here = points[at], after = points[at + 1];
-        along += std::hypot(after[motion_x] - here[motion_x], after[motion_y] - here[motion_y]);
+        along += fg::hypot(after[motion_x] - here[motion_x], after[motion_y] - here[motion_y]);
         ++at;
     }
     const double curvature =
-        points[at][motion_curvature] - aside / (length * length) - 2.0 * std::sin(angle) / length;
-    return std::atan(wheelbase * curvature);
+        points[at][motion_curvature] - aside / (length * length) - 2.0 * fg::sin(angle) / length;
+    return fg::atan(wheelbase * curvature);
 }
 
 }  // namespace fg

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../../core/versions.hpp"
 #include "cells.hpp"
 
@@ -216,7 +217,7 @@ int choose_frontier(FrontierSearch& memory, Ground& ground, std::int64_t edges, 
         const auto [count, far, x, y] = gather(memory.map, ground, ground.edge[index]);
         if (count < least) continue;
         double score = far + 2.0 * min(count * cell_width, wide);
-        if (memory.found && std::hypot(x - last_x, y - last_y) < same) score += 1.0;
+        if (memory.found && fg::hypot(x - last_x, y - last_y) < same) score += 1.0;
         if (score > best) {
             best = score, best_count = count, memory.x = x, memory.y = y;
             std::copy_n(ground.group, count, ground.goal);
@@ -251,11 +252,11 @@ void find_frontier(FrontierSearch& memory, double lidar_offset) {
     LocalMap& world = memory.map;
     const auto ground = std::make_unique_for_overwrite<Ground>();
     const std::int64_t free = mark_cells(world, {ground->bits, map_size, map_size});
-    ground->queue[0] = static_cast<Cell>(cell_at(world.x + lidar_offset * std::cos(world.heading),
-                                                 world.y + lidar_offset * std::sin(world.heading)));
+    ground->queue[0] = static_cast<Cell>(cell_at(world.x + lidar_offset * fg::cos(world.heading),
+                                                 world.y + lidar_offset * fg::sin(world.heading)));
     const auto [count, loop] = find_ahead(memory, *ground);
     memory.found = count > 0;
-    memory.hidden = memory.found && !loop && std::hypot(memory.x - world.x, memory.y - world.y) < sight - 1.0;
+    memory.hidden = memory.found && !loop && fg::hypot(memory.x - world.x, memory.y - world.y) < sight - 1.0;
     std::fill_n(ground->distance, most_cells, Cell{no_way});
     std::fill_n(&memory.distance_to_goal[0][0], map_blocks * map_blocks, Cell{no_way});
     dijkstra(row(ground->bits), row(ground->distance), table(memory.distance_to_goal), row(ground->goal).part(0, count),
@@ -281,7 +282,7 @@ void search_frontier(const ScanGeometry& geometry, Numbers ranges, const Odometr
     const double driven = world.driven - memory.searched_driven;
     bool due = memory.ticks == 0 || since >= (memory.found ? every_plain : every);
     if (since >= every && !due) {
-        const double apart = std::hypot(memory.x - world.x, memory.y - world.y);
+        const double apart = fg::hypot(memory.x - world.x, memory.y - world.y);
         due = driven >= min(lasts * apart, led ? lasts_led : lasts_at_most);
     }
     const double moved = world.driven - memory.entered_driven;

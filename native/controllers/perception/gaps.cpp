@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -21,7 +22,7 @@ double reading(Numbers ranges, std::int64_t beam) {
 // This is the cosine law, sqrt(a^2 + b^2 - 2 a b cos(angle)), as sqrt((a - b)^2 + 4 a b sin(angle / 2)^2): where the
 // angle is small, the first subtracts nearly all that it has.
 double chord(double a, double b, double angle) {
-    return std::hypot(a - b, 2.0 * std::sqrt(a) * std::sqrt(b) * std::sin(0.5 * angle));
+    return fg::hypot(a - b, 2.0 * std::sqrt(a) * std::sqrt(b) * fg::sin(0.5 * angle));
 }
 
 std::array<std::int64_t, 2> longest_run(Numbers ranges) {

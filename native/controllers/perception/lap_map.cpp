@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -71,7 +72,7 @@ std::int64_t place_after(const LapMap& lap, std::int64_t place, int more) {
 
 // Add the car's place where it is far enough from the last one, and return whether it was added.
 bool record(LapMap& lap, Numbers ranges, double speed) {
-    const double cos = std::cos(lap.heading), sin = std::sin(lap.heading);
+    const double cos = fg::cos(lap.heading), sin = fg::sin(lap.heading);
     while (speed < 0.0 && lap.count > 0) {
         const Row<float> last = row(lap.places[lap.count - 1]);
         if (cos * (last[0] - lap.x) + sin * (last[1] - lap.y) <= 0.0) break;
@@ -79,7 +80,7 @@ bool record(LapMap& lap, Numbers ranges, double speed) {
     }
     if (lap.count > 0) {
         const Row<float> last = row(lap.places[lap.count - 1]);
-        if (std::hypot(lap.x - last[0], lap.y - last[1]) < spacing) return false;
+        if (fg::hypot(lap.x - last[0], lap.y - last[1]) < spacing) return false;
     }
     if (lap.count == lap_places || speed < 0.0 || lap.drifts) return false;
     const Row<float> place = row(lap.places[lap.count]);
@@ -97,7 +98,7 @@ Directions directions_of(const ScanGeometry& geometry, std::int64_t count) {
     Directions directions;
     for (int beam = 0; beam < lap_beams; ++beam) {
         const double bearing = bearing_of(geometry, static_cast<double>(beam_of(beam, count)));
-        directions[beam] = {std::cos(bearing), std::sin(bearing)};
+        directions[beam] = {fg::cos(bearing), fg::sin(bearing)};
     }
     return directions;
 }
@@ -105,7 +106,7 @@ Directions directions_of(const ScanGeometry& geometry, std::int64_t count) {
 // Write where the beams kept at a place ended, (lap_beams, 2 or 3); NaN beyond `too_far`.
 void write_ends(const LapMap& lap, std::int64_t index, const Directions& directions, double lidar_offset,
                 Table<double> ends) {
-    const float heading = lap.places[index][2], cos = std::cos(heading), sin = std::sin(heading);
+    const float heading = lap.places[index][2], cos = fg::cos(heading), sin = fg::sin(heading);
     const double x = lap.places[index][0] + lidar_offset * cos, y = lap.places[index][1] + lidar_offset * sin;
     for (int beam = 0; beam < lap_beams; ++beam) {
         const double kept = static_cast<double>(lap.ranges[index][beam]) / most;
@@ -118,7 +119,7 @@ void write_ends(const LapMap& lap, std::int64_t index, const Directions& directi
 // Return the direction square to the wall at the end of a beam; NaN where that is no straight piece of wall.
 Direction across_wall(Matrix ends, int beam) {
     const double along_x = ends[beam + 1][0] - ends[beam - 1][0], along_y = ends[beam + 1][1] - ends[beam - 1][1];
-    const double piece = std::hypot(along_x, along_y);
+    const double piece = fg::hypot(along_x, along_y);
     if (!(1e-3 < piece && piece < longest_piece)) return {nan, nan};  // nor is NaN
     const double normal_x = -along_y / piece, normal_y = along_x / piece;
     const double off = normal_x * (ends[beam][0] - ends[beam - 1][0]) + normal_y * (ends[beam][1] - ends[beam - 1][1]);
@@ -148,7 +149,7 @@ std::tuple<Pose, double> matched(const LapMap& lap, std::int64_t index, const Sc
     const Table<double> ends = table(ends_room);
     write_ends(lap, index, directions_of(geometry, ranges.length), lidar_offset, ends);
     const auto [x, y, heading] = pose;
-    const double cos = std::cos(heading), sin = std::sin(heading);
+    const double cos = fg::cos(heading), sin = fg::sin(heading);
     const double lidar_x = x + lidar_offset * cos, lidar_y = y + lidar_offset * sin;
     double normal[3][3] = {{match.shift, 0.0, 0.0}, {0.0, match.shift, 0.0}, {0.0, 0.0, match.turn}}, right[3] = {};
     int seen = 0, fitting = 0;
@@ -161,8 +162,8 @@ std::tuple<Pose, double> matched(const LapMap& lap, std::int64_t index, const Sc
         if (!(0.0 <= at && at <= static_cast<double>(ranges.length) - 1.0)) continue;
         ++seen;
         const double distance = ranges[static_cast<std::int64_t>(at)], bearing = heading + bearing_of(geometry, at);
-        const double from_x = lidar_x - x + distance * std::cos(bearing);
-        const double from_y = lidar_y - y + distance * std::sin(bearing);
+        const double from_x = lidar_x - x + distance * fg::cos(bearing);
+        const double from_y = lidar_y - y + distance * fg::sin(bearing);
         const double error = normal_x * (x + from_x - ends[beam][0]) + normal_y * (y + from_y - ends[beam][1]);
         if (!(std::abs(error) < match.gate)) continue;
         ++fitting;
@@ -184,7 +185,7 @@ void bend(LapMap& lap, std::int64_t first, double turn, const Pose& pose) {
     double here_x = before_x, here_y = before_y;
     for (std::int64_t k = 0; k < lap.count; ++k) {  // turn the ways between places
         const auto [x, y, heading] = lap.places[first + k];
-        const double part = turn * static_cast<double>(k) / count, cos = std::cos(part), sin = std::sin(part);
+        const double part = turn * static_cast<double>(k) / count, cos = fg::cos(part), sin = fg::sin(part);
         const float dx = x - before_x, dy = y - before_y;
         before_x = x, before_y = y;
         here_x += cos * dx - sin * dy;
@@ -204,7 +205,7 @@ void bend(LapMap& lap, std::int64_t first, double turn, const Pose& pose) {
 
 // Drop the last places as long as they lie beside the first.
 void drop_last(LapMap& lap) {
-    const float cos = std::cos(lap.places[0][2]), sin = std::sin(lap.places[0][2]);
+    const float cos = fg::cos(lap.places[0][2]), sin = fg::sin(lap.places[0][2]);
     while (lap.count > least_lap / 2) {
         const float dx = lap.places[lap.count - 1][0] - lap.places[0][0];
         const float dy = lap.places[lap.count - 1][1] - lap.places[0][1];
@@ -218,7 +219,7 @@ void close(LapMap& lap, const ScanGeometry& geometry, Numbers ranges, double lid
     std::int64_t first = -1;
     double least = most_off + most_off_share * lap.driven;
     for (std::int64_t index = first_place; index < min(std::int64_t{last_place}, lap.count - least_lap); ++index) {
-        const double apart = std::hypot(lap.x - lap.places[index][0], lap.y - lap.places[index][1]);
+        const double apart = fg::hypot(lap.x - lap.places[index][0], lap.y - lap.places[index][1]);
         if (apart < least && std::abs(turn_between(lap.places[index][2], lap.heading)) < most_turned)
             first = index, least = apart;
     }
@@ -229,7 +230,7 @@ void close(LapMap& lap, const ScanGeometry& geometry, Numbers ranges, double lid
         const Match& match = step < closing_steps / 2 ? first_match : closing_match;
         std::tie(pose, fits) = matched(lap, first, geometry, ranges, lidar_offset, pose, match);
     }
-    const double beside = std::hypot(pose.x - lap.places[first][0], pose.y - lap.places[first][1]);
+    const double beside = fg::hypot(pose.x - lap.places[first][0], pose.y - lap.places[first][1]);
     if (fits < closes || beside > most_beside * static_cast<double>(first)) return;
     const double turn = turn_between(lap.heading, pose.heading);  // a lap turns by 2 pi, which is no error
     if (std::abs(turn) > heading_off) {  // its odometry drifts; at a later place the scan might fit without that turn
@@ -264,7 +265,7 @@ double side_of(const LapMap& lap, std::int64_t place, double x, double y) {
         if (apart < least) least = apart, nearest_x = dx, nearest_y = dy, heading = other[2];  // nor is NaN
     }
     if (!(least < inf)) return 0.0;
-    return std::cos(heading) * nearest_y >= std::sin(heading) * nearest_x ? 1.0 : -1.0;
+    return fg::cos(heading) * nearest_y >= fg::sin(heading) * nearest_x ? 1.0 : -1.0;
 }
 
 }  // namespace
@@ -276,8 +277,8 @@ void see_lap(LapMap& lap, const ScanGeometry& geometry, Numbers ranges, const Od
         forget_lap(lap);
         return;
     }
-    lap.x += way * std::cos(lap.heading + 0.5 * turn);
-    lap.y += way * std::sin(lap.heading + 0.5 * turn);
+    lap.x += way * fg::cos(lap.heading + 0.5 * turn);
+    lap.y += way * fg::sin(lap.heading + 0.5 * turn);
     lap.heading += turn;
     lap.driven += std::abs(way);
     if (!(sees(geometry, ranges) && looks_ahead(geometry, ranges.length))) return;
@@ -297,7 +298,7 @@ std::tuple<std::int64_t, double> nearest_place(const LapMap& lap, std::int64_t l
     double least = inf;
     for (int more = -places_behind; more <= places_ahead; ++more) {
         const std::int64_t place = place_after(lap, last, more);
-        double apart = std::hypot(x - lap.places[place][0], y - lap.places[place][1]);
+        double apart = fg::hypot(x - lap.places[place][0], y - lap.places[place][1]);
         if (!std::isnan(heading)) apart += turn_counts * std::abs(turn_between(lap.places[place][2], heading));
         if (apart < least) best = place, least = apart;
     }

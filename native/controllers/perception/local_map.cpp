@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../../core/versions.hpp"
 
 namespace fg {
@@ -41,9 +42,9 @@ void begin_path(LocalMap& memory) {
 
 // Keep of the ends of beams those beside and behind the car that a LiDAR at x0, y0 [m] does not see any more.
 void keep_passed_ends(LocalMap& memory, const ScanGeometry& geometry, std::int64_t beams, double x0, double y0) {
-    const double cos = std::cos(memory.heading), sin = std::sin(memory.heading);
-    const double to_right = std::cos(geometry.angle_min);
-    const double to_left = std::cos(bearing_of(geometry, static_cast<double>(beams - 1)));
+    const double cos = fg::cos(memory.heading), sin = fg::sin(memory.heading);
+    const double to_right = fg::cos(geometry.angle_min);
+    const double to_left = fg::cos(bearing_of(geometry, static_cast<double>(beams - 1)));
     const Table<double> ends = table(memory.ends);
     int kept = 0;
     for (int k = 0; k < memory.ends_known; ++k) {
@@ -87,7 +88,7 @@ std::array<double, 2> room_beside(const ScanGeometry& geometry, Numbers ranges) 
     const double ahead = -geometry.angle_min / geometry.angle_increment, half = beside / geometry.angle_increment;
     const double quarter = 0.5 * pi / geometry.angle_increment, last = static_cast<double>(ranges.length) - 1.0;
     for (int index = -2; index <= 2; ++index) {
-        const double aside = std::cos(0.5 * index * beside);
+        const double aside = fg::cos(0.5 * index * beside);
         right = max(right, aside * reading(ranges, min(max(ahead - quarter + 0.5 * index * half, 0.0), last)));
         left = max(left, aside * reading(ranges, min(max(ahead + quarter + 0.5 * index * half, 0.0), last)));
     }
@@ -105,8 +106,8 @@ void enter_free(LocalMap& memory, const ScanGeometry& geometry, Numbers ranges, 
                 Table<double> ends) {
     const Table<std::uint8_t> cells = table(memory.cells);
     const auto [stride, count, increment, x0, y0] = beams;
-    const double turn_cos = std::cos(increment), turn_sin = std::sin(increment);
-    double cos = std::cos(memory.heading + geometry.angle_min), sin = std::sin(memory.heading + geometry.angle_min);
+    const double turn_cos = fg::cos(increment), turn_sin = fg::sin(increment);
+    double cos = fg::cos(memory.heading + geometry.angle_min), sin = fg::sin(memory.heading + geometry.angle_min);
     for (std::int64_t beam = 0; beam < count; ++beam) {
         const double distance = ranges[beam * stride];
         ends[beam][0] = x0 + distance * cos, ends[beam][1] = y0 + distance * sin;
@@ -165,8 +166,8 @@ void move(LocalMap& memory, double speed, double yaw_rate, double period) {
         return;
     }
     if (!(std::abs(way) < farthest && std::abs(turn) < farthest)) return;  // nor is NaN
-    memory.x += way * std::cos(memory.heading + 0.5 * turn);
-    memory.y += way * std::sin(memory.heading + 0.5 * turn);
+    memory.x += way * fg::cos(memory.heading + 0.5 * turn);
+    memory.y += way * fg::sin(memory.heading + 0.5 * turn);
     memory.heading += turn;
     memory.driven += std::abs(way);
     memory.along += way;
@@ -209,8 +210,8 @@ void enter_scan(LocalMap& memory, const ScanGeometry& geometry, Numbers ranges, 
     beams.stride = max(std::int64_t{1}, floored(finest / geometry.angle_increment + 1e-6));
     beams.count = (ranges.length + beams.stride - 1) / beams.stride;
     beams.increment = static_cast<double>(beams.stride) * geometry.angle_increment;
-    beams.x0 = memory.x + lidar_offset * std::cos(memory.heading);
-    beams.y0 = memory.y + lidar_offset * std::sin(memory.heading);
+    beams.x0 = memory.x + lidar_offset * fg::cos(memory.heading);
+    beams.y0 = memory.y + lidar_offset * fg::sin(memory.heading);
     const OwnTable<double> ends(beams.count, 2);
     keep_passed_ends(memory, geometry, ranges.length, beams.x0, beams.y0);
     enter_free(memory, geometry, ranges, beams, now, ends);
@@ -232,7 +233,7 @@ void extend_path(LocalMap& memory, const ScanGeometry& geometry, Numbers ranges)
         const Row<double> point = row(memory.path[memory.newest]);
         point[0] = memory.x, point[1] = memory.y, point[2] = memory.heading;
         point[path_right] = min(right, widest), point[path_left] = min(left, widest);
-        point[path_sin] = std::sin(memory.heading), point[path_cos] = std::cos(memory.heading);
+        point[path_sin] = fg::sin(memory.heading), point[path_cos] = fg::cos(memory.heading);
         point[path_along] = begins ? static_cast<double>(memory.known) - 1.0 : memory.along;
         if (!begins || point[path_along] >= before) break;
     }

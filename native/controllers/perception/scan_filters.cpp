@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../../core/versions.hpp"
 #include "gaps.hpp"
 
@@ -274,7 +275,7 @@ OwnRow<double> mask_bubble(Numbers ranges, double angle_increment, double radius
     OwnRow<double> result = copy_of(ranges);
     const int nearest = nearest_of(ranges);
     if (nearest >= 0 && ranges[nearest] > 0.0) {
-        double width = angle_increment > 0.0 ? std::atan(radius / ranges[nearest]) / angle_increment : 0.0;
+        double width = angle_increment > 0.0 ? fg::atan(radius / ranges[nearest]) / angle_increment : 0.0;
         width = width > 0.0 ? width : 0.0;  // NaN is 0
         mask_around(result, nearest, static_cast<int>(min(width, most_beams)));
     }

@@ -6,6 +6,7 @@
 
 #include "../../core/arrays.hpp"
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../../core/records.hpp"
 
 namespace fg {
@@ -52,7 +53,7 @@ inline double nearest_beam(double angle_min, double angle_increment, double ahea
     const double beam = (std::copysign(bearing, left) - angle_min) / angle_increment;
     const double nearest = std::rint(beam);
     if (std::abs(beam - nearest) < 0.5 - 3e-6 / angle_increment) return nearest;
-    return std::rint((std::atan2(left, ahead) - angle_min) / angle_increment);
+    return std::rint((fg::atan2(left, ahead) - angle_min) / angle_increment);
 }
 
 // Return the beams with bearings from `right` to `left` [rad], of so many: first, and last + 1.

@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "scan_filters.hpp"
 
 namespace fg {
@@ -71,10 +72,10 @@ inline double reach_of(const Snapshot& view, std::int64_t count, std::int64_t be
 
 // Return the beam of a kept scan that points to a place, below 0 or beyond the last if none does; and how far.
 std::tuple<std::int64_t, double> beam_towards(const Snapshot& view, const ScanGeometry& geometry, double x, double y) {
-    const double cos = std::cos(view.heading), sin = std::sin(view.heading), dx = x - view.x, dy = y - view.y;
+    const double cos = fg::cos(view.heading), sin = fg::sin(view.heading), dx = x - view.x, dy = y - view.y;
     const double beam =
         nearest_beam(geometry.angle_min, geometry.angle_increment, cos * dx + sin * dy, cos * dy - sin * dx);
-    return {whole(beam), std::hypot(dx, dy)};
+    return {whole(beam), fg::hypot(dx, dy)};
 }
 
 // Return whether a kept scan of `count` beams sees past a place where another one saw a thing.
@@ -88,12 +89,12 @@ bool sees_past(const Snapshot& view, const Snapshot& other, const ScanGeometry& 
     const double cos = (x - view.x) / distance, sin = (y - view.y) / distance;
     const double way_x = other.x - view.x, way_y = other.y - view.y;
     const double turn = turn_drift * std::abs(other.turned - view.turned);
-    const double way = max(std::hypot(way_x, way_y), 1e-6);
+    const double way = max(fg::hypot(way_x, way_y), 1e-6);
     const double doubt = std::abs(other.doubt - view.doubt) / way;
     const double off = 0.5 * turn * way + sigmas * other.noise;  // an error of the turn bends the way
     const double aside = (doubt * std::abs(way_x * sin - way_y * cos) + off) / distance + turn;
     // What lies between two beams is seen by neither.
-    const double beside = 1.0 + std::hypot(x - other.x, y - other.y) / distance;
+    const double beside = 1.0 + fg::hypot(x - other.x, y - other.y) / distance;
     const std::int64_t beams =
         whole(min(aside / geometry.angle_increment + beside + 0.5, static_cast<double>(count)));
     if (beam < beams || beam + beams >= count) return false;
@@ -117,7 +118,7 @@ bool has_moved(const Targets& memory, const Target& target, const ScanGeometry& 
     const Snapshot& now = memory.snapshots[0];
     const std::int64_t count = ranges.length;
     const auto [x, y] = middle_of(target);
-    const double part = target.radius / max(std::hypot(x - now.x, y - now.y), target.radius + free_way);
+    const double part = target.radius / max(fg::hypot(x - now.x, y - now.y), target.radius + free_way);
     const double face_x = x - part * (x - now.x), face_y = y - part * (y - now.y);
     for (std::size_t k = 1; k < std::size(memory.snapshots); ++k) {
         const Snapshot& then = memory.snapshots[k];
@@ -125,8 +126,8 @@ bool has_moved(const Targets& memory, const Target& target, const ScanGeometry& 
         int covered = 0;
         for (std::int64_t beam = target.first; beam < target.end; ++beam) {
             const double bearing = now.heading + bearing_of(geometry, static_cast<double>(beam));
-            const double seen_x = now.x + ranges[beam] * std::cos(bearing);
-            const double seen_y = now.y + ranges[beam] * std::sin(bearing);
+            const double seen_x = now.x + ranges[beam] * fg::cos(bearing);
+            const double seen_y = now.y + ranges[beam] * fg::sin(bearing);
             covered += sees_past(then, now, geometry, count, seen_x, seen_y);
         }
         if (covered > 1) return true;
@@ -186,7 +187,7 @@ Innovation innovation(const Target& target, const Cluster& cluster) {
 //
 // The first is 0 where its innovations do not say that it has.
 std::tuple<double, bool> change_of_speed(Target& target, double dx, double dy, int ends, double variance) {
-    const double speed = std::hypot(target.vx, target.vy);
+    const double speed = fg::hypot(target.vx, target.vy);
     if (speed < least_speed || target.age <= least_age) {
         target.against = 0.0;
     } else if (ends > 0) {
@@ -209,8 +210,8 @@ void turn_back(Target& target, double dx, double dy) {
     target.vx = -target.vx, target.vy = -target.vy;
     const double x = target.farthest[0], y = target.farthest[1];
     double(&other)[2] = target.turned[target.turns & 1], (&last)[2] = target.turned[(target.turns - 1) & 1];
-    const double from_last = std::hypot(last[0] - x, last[1] - y);
-    if (target.turns >= 2 && from_last < std::hypot(other[0] - x, other[1] - y)) {
+    const double from_last = fg::hypot(last[0] - x, last[1] - y);
+    if (target.turns >= 2 && from_last < fg::hypot(other[0] - x, other[1] - y)) {
         target.turns = 0;  // it goes on, beyond where it was expected to turn
     } else {
         other[0] = x, other[1] = y;
@@ -257,7 +258,7 @@ void take(Target& target, const Cluster& cluster) {
     target.first = cluster.first, target.end = cluster.end;
     const double dx = cluster.ends[LEFT][0] - cluster.ends[RIGHT][0];
     const double dy = cluster.ends[LEFT][1] - cluster.ends[RIGHT][1];
-    const double half = 0.5 * std::hypot(dx, dy);
+    const double half = 0.5 * fg::hypot(dx, dy);
     if (target.age < least_age || half < near * cluster.distance) target.size = max(target.size, half);
 }
 
@@ -276,7 +277,7 @@ void follow(const Targets& memory, Target& target, Row<Cluster> found, const Sca
     for (int k = 0; k < found.size(); ++k) {
         if (found[k].taken) continue;
         const auto [dx, dy, ends] = innovation(target, found[k]);
-        const double apart = std::hypot(dx, dy);
+        const double apart = fg::hypot(dx, dy);
         if (apart < least) nearest = k, least = apart;
     }
     if (nearest < 0) {
@@ -396,20 +397,20 @@ bool is_cluster(const Targets& memory, const ScanGeometry& geometry, Numbers ran
     const bool own_right = ranges[first - 1] - right > edge, own_left = ranges[end] - left > edge;
     if (!(own_right || own_left)) return false;
     const double turn = steps * geometry.angle_increment;
-    if (right * right + left * left - 2.0 * right * left * std::cos(turn) > widest * widest || turn > 2.0) return false;
+    if (right * right + left * left - 2.0 * right * left * fg::cos(turn) > widest * widest || turn > 2.0) return false;
     const double least = distance_of(ranges, first, end, noise);
     const bool both = own_right && own_left;
-    const double half = std::sin(0.5 * turn);
+    const double half = fg::sin(0.5 * turn);
     const double radius = both ? least * half / (1.0 - half) : 0.0, of_range = both ? noise / (1.0 - half) : noise;
     const double away_right = both ? least + radius : right, away_left = both ? least + radius : left;
     const double bearing = memory.heading + bearing_of(geometry, static_cast<double>(first));
     const double between = least * geometry.angle_increment;
     const double outline = both ? outline_error * least * turn * turn : std::abs(left - right) / steps;
     found.variance = range_noise * range_noise + of_range * of_range + between * between / 12.0 + outline * outline;
-    found.ends[RIGHT][0] = memory.x + away_right * std::cos(bearing);
-    found.ends[RIGHT][1] = memory.y + away_right * std::sin(bearing);
-    found.ends[LEFT][0] = memory.x + away_left * std::cos(bearing + turn);
-    found.ends[LEFT][1] = memory.y + away_left * std::sin(bearing + turn);
+    found.ends[RIGHT][0] = memory.x + away_right * fg::cos(bearing);
+    found.ends[RIGHT][1] = memory.y + away_right * fg::sin(bearing);
+    found.ends[LEFT][0] = memory.x + away_left * fg::cos(bearing + turn);
+    found.ends[LEFT][1] = memory.y + away_left * fg::sin(bearing + turn);
     found.own[RIGHT] = own_right, found.own[LEFT] = own_left;
     found.radius = radius, found.distance = least, found.first = first, found.end = end, found.taken = false;
     return true;
@@ -429,11 +430,11 @@ std::int64_t track_targets(Targets& memory, const ScanGeometry& geometry, Number
         return 0;
     }
     const double towards = memory.heading + 0.5 * turn + course;
-    const double x = memory.x - lidar_offset * std::cos(memory.heading) + way * std::cos(towards);
-    const double y = memory.y - lidar_offset * std::sin(memory.heading) + way * std::sin(towards);
+    const double x = memory.x - lidar_offset * fg::cos(memory.heading) + way * fg::cos(towards);
+    const double y = memory.y - lidar_offset * fg::sin(memory.heading) + way * fg::sin(towards);
     memory.heading += turn;
-    memory.x = x + lidar_offset * std::cos(memory.heading);
-    memory.y = y + lidar_offset * std::sin(memory.heading);
+    memory.x = x + lidar_offset * fg::cos(memory.heading);
+    memory.y = y + lidar_offset * fg::sin(memory.heading);
     memory.doubt += std::abs(way) * (drift + slip * change / period);
     memory.turned += std::abs(turn);
     ++memory.tick;

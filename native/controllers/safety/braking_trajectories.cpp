@@ -4,6 +4,7 @@
 #include "braking_trajectories.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -39,7 +40,7 @@ int nearest_present(double share) {
 int stop(const Limiter& limiter, const BrakingSettings& settings, double speed, double present, double turning,
          Table<double> trace) {
     const bool soft = limiter.slip.needs_slip_angle;
-    const double tightest = std::tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase;
+    const double tightest = fg::tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase;
     const double braking = min(settings.braking_share * limiter.lateral, limiter.braking);
     double curvature = min(max(present * limiter.lateral / (speed * speed), -tightest), tightest);
     double x = 0.0, y = 0.0, heading = 0.0, way = 0.0;
@@ -54,7 +55,7 @@ int stop(const Limiter& limiter, const BrakingSettings& settings, double speed, 
             const double wanted = min(turning * limiter.lateral / (fast * fast), tightest);
             double lag = limiter.yaw_lag;
             if (soft) lag += path_lag(limiter.slip, speed);
-            curvature += (wanted - curvature) * (1.0 - std::exp(-speed * time_step / lag));
+            curvature += (wanted - curvature) * (1.0 - fg::exp(-speed * time_step / lag));
             // below 1, or it never stops
             const double used = min(std::abs(curvature) * (speed * speed) / limiter.lateral, 0.999);
             double held = braking * longitudinal_share(limiter, used, true);
@@ -63,8 +64,8 @@ int stop(const Limiter& limiter, const BrakingSettings& settings, double speed, 
         }
         const double distance = speed * time_step;
         heading += curvature * distance;
-        x += distance * std::cos(heading);
-        y += distance * std::sin(heading);
+        x += distance * fg::cos(heading);
+        y += distance * fg::sin(heading);
         way += distance;
         write(step + 1);
         if (speed == 0.0) return step + 1;
@@ -90,9 +91,9 @@ void spread_points(const CarParameters& car, const BrakingSettings& settings, Ma
         double y = before[1] + part * (after[1] - before[1]);
         const double heading = before[2] + part * (after[2] - before[2]);
         const double ahead = disc + max(along - way, 0.0);  // the margin is straight on from where the car stops
-        x += ahead * std::cos(heading) - car.lidar_offset;
-        y += ahead * std::sin(heading);
-        bearings[point] = std::atan2(y, x), distances[point] = std::hypot(x, y);
+        x += ahead * fg::cos(heading) - car.lidar_offset;
+        y += ahead * fg::sin(heading);
+        bearings[point] = fg::atan2(y, x), distances[point] = fg::hypot(x, y);
     }
 }
 
@@ -100,7 +101,7 @@ void spread_points(const CarParameters& car, const BrakingSettings& settings, Ma
 
 double safe_speed(const Trajectories& trajectories, Numbers widened, double angle_min, double angle_increment,
                   double speed, double steering_angle) {
-    const double share = speed * speed * std::tan(steering_angle) / (trajectories.wheelbase * trajectories.lateral);
+    const double share = speed * speed * fg::tan(steering_angle) / (trajectories.wheelbase * trajectories.lateral);
     if (widened.size() == 0) return 0.0;
     const int to_left = nearest_present(share), to_right = nearest_present(-share);
     for (int fast = static_cast<int>(trajectories.count) - 1; fast >= 0; --fast) {

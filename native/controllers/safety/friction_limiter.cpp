@@ -1,6 +1,7 @@
 // The friction limiter; the limits 1 to 7 are those of controllers/safety/friction_limiter.py.
 #include "friction_limiter.hpp"
 
+#include "../../core/transcendental.hpp"
 #include "../control/speed.hpp"
 #include "../control/steering.hpp"
 
@@ -19,7 +20,7 @@ constexpr double most_held = 4.0;       // [-] acceleration over g that is looke
 // slip angle than the one in front: that much less of an arc is left to them.
 double held_on_path(const Limiter& limiter, double curvature, double target, double angle_now, double now) {
     const CarParameters& car = limiter.car;
-    const double more = std::atan(car.wheelbase * curvature) - angle_now;
+    const double more = fg::atan(car.wheelbase * curvature) - angle_now;
     if (!(more * curvature > 0.0 && curvature * target > 0.0)) return target;
     const double most = friction_steering(now, limiter.mu * limiter.settings.lateral_use, car.wheelbase, car.gravity);
     return saturate(target, max(most - std::abs(more), 0.0));
@@ -87,7 +88,7 @@ double approach(const Limiter& limiter, LimiterMemory& memory, double missing_sp
     const bool brakes = reference * speed_now < 0.0;
     if (limiter.slip.needs_slip_angle && (car.shaft || !brakes)) {
         const double lateral = min(used, 1.0) * limiter.mu;
-        const double held = car.gravity * held_on_arc(limiter.slip, car, std::atan(slope), lateral, braking, brakes,
+        const double held = car.gravity * held_on_arc(limiter.slip, car, fg::atan(slope), lateral, braking, brakes,
                                                       settings.accelerating_use);
         if (brakes)
             share = min(share, held * std::sqrt(max(1.0 - used * used, 0.0)) / std::abs(most));
@@ -147,11 +148,11 @@ std::array<double, 2> limited(const Limiter& limiter, LimiterMemory& memory, std
     const double now = std::abs(speed_now);
     auto [target, allowed] = held_on_circle(limiter, reference[0], reference[1], now, least_lateral_use);
     if (limiter.slip.needs_slip_angle) target = held_on_path(limiter, memory.curvature, target, angle_now, now);
-    const double slope = std::tan(angle_now);
+    const double slope = fg::tan(angle_now);
     const double step = steering_rate(limiter, slope, now, target - angle_now) * limiter.settings.steering_response;
     const double command = angle_now + saturate(target - angle_now, step);
     const double acceleration =
-        approach(limiter, memory, allowed - speed_now, slope, std::tan(command), speed_now, period, planned);
+        approach(limiter, memory, allowed - speed_now, slope, fg::tan(command), speed_now, period, planned);
     // The servo's acceleration falls while the command is held: the mean over the period is what was asked for.
     double reached = speed_now + acceleration * period / share_of_way(period, car.speed_time_constant);
     if (!planned) {

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/driving.hpp"
 #include "../control/slip.hpp"
 #include "../control/steering.hpp"
@@ -69,14 +70,14 @@ double speed_on(const Seen& seen, const Guidance& memory, const Motion& motion, 
         if (curvature > 0.0) {
             double there = lateral / curvature;
             if (limiter.slip.needs_slip_angle && curvature > tightest) {
-                const double arc = std::atan(curvature * limiter.car.wheelbase);
+                const double arc = fg::atan(curvature * limiter.car.wheelbase);
                 const double fastest = fastest_on(limiter.slip, arc, settings.narrow_speed);
                 there = min(there, fastest * fastest);
                 tightest = curvature;
             }
             square = min(square, there + 2.0 * braking * max(along - 0.15 * speed, 0.0));
         }
-        along += std::hypot(point[motion_x] - x, point[motion_y] - y);
+        along += fg::hypot(point[motion_x] - x, point[motion_y] - y);
         x = point[motion_x];
         y = point[motion_y];
     }
@@ -89,8 +90,8 @@ double speed_around_edge(const Seen& seen, const FrontierSearch& frontier, doubl
     const Limiter& limiter = seen.limiter;
     const GuidanceSettings& settings = seen.settings;
     if (!frontier.hidden) return inf;
-    const double away = std::hypot(frontier.x - x, frontier.y - y);
-    const double tightest = std::tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase;
+    const double away = fg::hypot(frontier.x - x, frontier.y - y);
+    const double tightest = fg::tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase;
     const double turning = settings.grip * limiter.lateral / tightest;
     return std::sqrt(turning + 2.0 * settings.hidden_braking * limiter.braking * away);
 }
@@ -111,8 +112,8 @@ double speed_without_frontier(const Seen& seen, Guidance& memory) {
 Place look_around(const Seen& seen, const FrontierSearch& frontier, double x, double y, double to_go) {
     const ScanGeometry& geometry = seen.geometry;
     const double turn = geometry.angle_increment * beams_apart, first = frontier.map.heading + geometry.angle_min;
-    const double turn_cos = std::cos(turn), turn_sin = std::sin(turn);
-    double gain = -inf, at = 0.0, cos = std::cos(first), sin = std::sin(first);
+    const double turn_cos = fg::cos(turn), turn_sin = fg::sin(turn);
+    double gain = -inf, at = 0.0, cos = fg::cos(first), sin = fg::sin(first);
     int best = 0;
     for (int beam = 0; beam < seen.ranges.size(); beam += beams_apart) {
         const auto [least, reach] = least_distance_towards(frontier, x, y, cos, sin, seen.ranges[beam]);
@@ -143,11 +144,11 @@ double bend_ahead(Guidance& memory, const CarParameters& car) {
     double most = 0.0;
     for (std::int64_t k = memory.progress; k < motion.count; ++k) {
         const auto& point = motion.points[k];
-        const double cos = std::cos(point[motion_heading]), sin = std::sin(point[motion_heading]);
+        const double cos = fg::cos(point[motion_heading]), sin = fg::sin(point[motion_heading]);
         if (!is_clear(memory.frontier, car, point[motion_x], point[motion_y], cos, sin, wall_in_1)) return nan;
         most = max(most, std::abs(point[motion_curvature]));
     }
-    return most * car.wheelbase / std::tan(car.max_steering_angle);
+    return most * car.wheelbase / fg::tan(car.max_steering_angle);
 }
 
 // Return whether the planner's own reference leads on, and write the speed that a simulated motion gave.
@@ -166,15 +167,15 @@ bool planner_leads_on(const Seen& seen, Guidance& memory, const Place& place, do
     const double aim = std::rint((reference.bearing - geometry.angle_min) / geometry.angle_increment);
     const std::int64_t beam = min(max(floored(aim), std::int64_t{0}), seen.ranges.length - 1);
     const double heading = frontier.map.heading + reference.bearing;
-    const double least = least_distance_towards(frontier, place.x, place.y, std::cos(heading), std::sin(heading),
+    const double least = least_distance_towards(frontier, place.x, place.y, fg::cos(heading), fg::sin(heading),
                                                 seen.ranges[beam])[0];
     const double gain = place.to_go - least;
     if (gain >= settings.as_good * place.gain && gain > -0.5 && !(bend > bends || tight)) return true;
     if ((memory.careful && bend > bends_sharply) || !(gain > settings.worth_simulating * place.gain)) return false;
     const double curved = 0.8 * limiter.lateral / max(speed * speed, 0.5);
-    const double present = std::tan(seen.odometry.steering_angle) / car.wheelbase;
+    const double present = fg::tan(seen.odometry.steering_angle) / car.wheelbase;
     const double arc = saturate(reference.steering_angle, car.max_steering_angle);
-    const double wanted = saturate(std::tan(arc) / car.wheelbase, curved);
+    const double wanted = saturate(fg::tan(arc) / car.wheelbase, curved);
     memory.narrow = false;
     // Else it drives into walls that are not marked.
     look_again(geometry, seen.ranges, car.lidar_offset, frontier, settings.every);
@@ -192,7 +193,7 @@ bool renew_motion(const Seen& seen, Guidance& memory) {
     const Limiter& limiter = seen.limiter;
     const GuidanceSettings& settings = seen.settings;
     const double speed = seen.odometry.speed, lag = steering_lag + late_by(limiter.car);
-    const double present = std::tan(seen.odometry.steering_angle) / limiter.car.wheelbase;
+    const double present = fg::tan(seen.odometry.steering_angle) / limiter.car.wheelbase;
     const double horizon = settings.horizon + 0.1 * speed * speed;
     bool narrow = false;
     Query query{present, speed, lag, settings.grip, settings.lock, horizon, wall_in_2, false, nodes};
@@ -225,8 +226,8 @@ Steering steer(const Seen& seen, const LocalMap& world, const Motion& motion, st
                     late_on_path(seen.limiter.slip, car, speed));
     const auto& point = motion.points[first];
     const double dx = point[motion_x] - world.x, dy = point[motion_y] - world.y;
-    const double cos = std::cos(world.heading), sin = std::sin(world.heading);
-    return {steering_angle, std::atan2(cos * dy - sin * dx, cos * dx + sin * dy), std::hypot(dx, dy)};
+    const double cos = fg::cos(world.heading), sin = fg::sin(world.heading);
+    return {steering_angle, fg::atan2(cos * dy - sin * dx, cos * dx + sin * dy), fg::hypot(dx, dy)};
 }
 
 // Return what keeps the car on a motion, which is searched for anew; or that there is none, and it brakes.
@@ -251,7 +252,7 @@ Lead follow_motion(const Seen& seen, Guidance& memory, const Place& place, doubl
 // Return the points (m, 4) of a motion from a place on; no points if there is only one left.
 OwnTable<double> in_frame_of_car(const LocalMap& world, const Motion& motion, std::int64_t first) {
     OwnTable<double> path(first + 1 >= motion.count ? 0 : motion.count - first, motion_curvature + 1);
-    const double cos = std::cos(world.heading), sin = std::sin(world.heading);
+    const double cos = fg::cos(world.heading), sin = fg::sin(world.heading);
     for (std::int64_t k = 0; k < Matrix(path).rows; ++k) {
         const auto& point = motion.points[first + k];
         const double dx = point[motion_x] - world.x, dy = point[motion_y] - world.y;
@@ -274,7 +275,7 @@ Lead follow_frontier(const Seen& seen, Guidance& memory) {
     const double speed = odometry.speed, yaw_rate = odometry.angular_velocity[2], period = period_of(geometry);
     const bool looks = sees(geometry, seen.ranges) && looks_ahead(geometry, seen.ranges.length);
     if (!looks) move(frontier.map, speed, yaw_rate, period);
-    if (!(looks && std::isfinite(speed + std::tan(odometry.steering_angle) + yaw_rate))) {
+    if (!(looks && std::isfinite(speed + fg::tan(odometry.steering_angle) + yaw_rate))) {
         memory.follows = turning.active = false;
         return planner_leads(inf, false);
     }
@@ -286,8 +287,8 @@ Lead follow_frontier(const Seen& seen, Guidance& memory) {
         memory.careful = true;
         return {Lead::by_turn, turning.steering_angle, nan, nan, turning.speed, false};
     }
-    const double x = frontier.map.x + offset * std::cos(frontier.map.heading);
-    const double y = frontier.map.y + offset * std::sin(frontier.map.heading);
+    const double x = frontier.map.x + offset * fg::cos(frontier.map.heading);
+    const double y = frontier.map.y + offset * fg::sin(frontier.map.heading);
     const double to_go = frontier.found ? distance_to_goal_around(frontier, x, y) : inf;
     if (!std::isfinite(to_go)) {
         memory.follows = false;

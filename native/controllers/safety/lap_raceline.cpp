@@ -1,6 +1,7 @@
 #include "lap_raceline.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/decision.hpp"
 #include "../control/driving.hpp"
 #include "../control/reasons.hpp"
@@ -83,13 +84,13 @@ void finish(Line& line, const Limiter& limiter) {
     const auto x = [&](int k) -> double { return line.points[k < 0 ? count - 1 : k < count ? k : 0][0]; };
     const auto y = [&](int k) -> double { return line.points[k < 0 ? count - 1 : k < count ? k : 0][1]; };
     double length = 0.0;
-    for (int k = 0; k < count; ++k) length += std::hypot(x(k) - x(k - 1), y(k) - y(k - 1));
+    for (int k = 0; k < count; ++k) length += fg::hypot(x(k) - x(k - 1), y(k) - y(k - 1));
     line.spacing = length / count, line.ready = true, line.next = 0;
     describe_line(line, limiter);
     if (std::isnan(line.weight)) line.refused = true;
-    const double tightest = too_sharp * std::tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase;
+    const double tightest = too_sharp * fg::tan(lock_arc(limiter.slip, limiter.car)) / limiter.car.wheelbase;
     for (int k = 0; k < count; ++k) {
-        const bool turns_back = std::hypot(x(k + 1) - x(k - 1), y(k + 1) - y(k - 1)) < cusp * line.spacing;
+        const bool turns_back = fg::hypot(x(k + 1) - x(k - 1), y(k + 1) - y(k - 1)) < cusp * line.spacing;
         if (turns_back || std::abs(line.described[k][1]) > tightest) line.refused = true;
     }
 }
@@ -126,7 +127,7 @@ bool joins(const Odometry& odometry, const Limiter& limiter, Matrix window, std:
            double spacing) {
     const auto [along, aside, turned] = position;
     const double now = odometry.speed, held = limiter.lateral / max(now * now, 0.5);
-    const double bending = std::tan(odometry.steering_angle) / limiter.car.wheelbase;
+    const double bending = fg::tan(odometry.steering_angle) / limiter.car.wheelbase;
     const double off = std::abs(bending - curvature_at(window, along));
     const bool near = std::abs(aside) < joins_aside && std::abs(turned) < joins_turned && off < joins_bending * held;
     return near && now < speed_on(window, along, spacing, now);
@@ -139,8 +140,8 @@ OwnTable<double> points_beside(Matrix window, std::int64_t first, double shift) 
         const Numbers from = window[k];
         const Row<double> to = points[k - first];
         for (int column = 0; column <= motion_speed; ++column) to[column] = from[column];
-        to[motion_x] = from[motion_x] - shift * std::sin(from[motion_heading]);
-        to[motion_y] = from[motion_y] + shift * std::cos(from[motion_heading]);
+        to[motion_x] = from[motion_x] - shift * fg::sin(from[motion_heading]);
+        to[motion_y] = from[motion_y] + shift * fg::cos(from[motion_heading]);
     }
     return points;
 }
@@ -153,9 +154,9 @@ void come_to_it(const Tick& tick, double spacing, const LineProposal& proposal) 
     const Matrix points = proposal.points;
     const Numbers target = points[target_of(points, spacing, here.speed)];
     const double ahead = target[motion_x] - tick.driver.car.lidar_offset, left = target[motion_y];
-    if (!(reading_towards(here, ahead, left) > std::hypot(ahead, left))) return;
+    if (!(reading_towards(here, ahead, left) > fg::hypot(ahead, left))) return;
     reference.steering_angle = proposal.steering_angle, reference.speed = min(reference.speed, proposal.speed);
-    reference.bearing = std::atan2(left, ahead), reference.distance = std::hypot(ahead, left);
+    reference.bearing = fg::atan2(left, ahead), reference.distance = fg::hypot(ahead, left);
     log_step(table(tick.memory.reasons), step_remembered_line, reference.steering_angle, reference.speed);
 }
 

@@ -1,6 +1,7 @@
 #include "lap_trial.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/slip.hpp"
 #include "../control/steering.hpp"
 #include "../control/tracking.hpp"
@@ -57,13 +58,13 @@ bool command_on_line(Line& line, const Limiter& limiter, double max_speed, doubl
 double force_of(const Axle& axle, double slip, double load, double drive) {
     if (axle.C == 0.0) return load * saturate(axle.B * slip, axle.D);
     const double used = min(0.5 * std::abs(drive) / (axle.D * max(load, 1e-3)), 0.99);
-    return load * std::sqrt(1.0 - used * used) * axle.D * std::sin(axle.C * std::atan(axle.B * slip));
+    return load * std::sqrt(1.0 - used * used) * axle.D * fg::sin(axle.C * fg::atan(axle.B * slip));
 }
 
 // Return whether the end of a beam of the first lap lies within the car's outline, or near to it.
 bool touches(Trial& trial, const LapMap& lap, Cube<const double> walls, const CarParameters& car) {
     trial.place = std::get<0>(nearest_place(lap, trial.place, trial.x, trial.y, nan));
-    const double cos = std::cos(trial.heading), sin = std::sin(trial.heading);
+    const double cos = fg::cos(trial.heading), sin = fg::sin(trial.heading);
     const double half = 0.5 * car.width + clear_of_walls, tail = car.rear_overhang + clear_of_walls;
     const double nose = car.length - car.rear_overhang + clear_of_walls;
     for (int more = -places_behind; more <= places_ahead; ++more) {
@@ -111,20 +112,20 @@ void move_car(Trial& trial, const Limiter& limiter, double since, double period)
         saturate((command[1] - trial.speed) / car.speed_time_constant, most) - drag(car, trial.speed);
     const double lf = car.front_axle_distance, lr = car.rear_axle_distance, b = car.wheelbase;
     const double height = car.center_of_gravity_height;
-    const double front_angle = trial.steering - std::atan2(trial.sideways + lf * trial.yaw_rate, v);
-    const double rear_angle = -std::atan2(trial.sideways - lr * trial.yaw_rate, v);
+    const double front_angle = trial.steering - fg::atan2(trial.sideways + lf * trial.yaw_rate, v);
+    const double rear_angle = -fg::atan2(trial.sideways - lr * trial.yaw_rate, v);
     const double ahead = v * step / slip.relaxation_length;
     trial.slip[0] = (trial.slip[0] + ahead * front_angle) / (1.0 + ahead);
     trial.slip[1] = (trial.slip[1] + ahead * rear_angle) / (1.0 + ahead);
     const double front = force_of(slip.front, trial.slip[0], (car.gravity * lr - drive * height) / b, drive);
     const double rear = force_of(slip.rear, trial.slip[1], (car.gravity * lf + drive * height) / b, drive);
-    const double cos_steering = std::cos(trial.steering), sin_steering = std::sin(trial.steering);
+    const double cos_steering = fg::cos(trial.steering), sin_steering = fg::sin(trial.steering);
     trial.sideways += step * (front * cos_steering + rear - trial.speed * trial.yaw_rate);
     trial.yaw_rate += step * car.mass * (lf * front * cos_steering - lr * rear) / car.yaw_inertia;
     trial.speed += step * (drive - front * sin_steering + trial.sideways * trial.yaw_rate);
     const double aside = trial.sideways - lr * trial.yaw_rate;
     trial.heading += step * trial.yaw_rate;
-    const double cos = std::cos(trial.heading), sin = std::sin(trial.heading);
+    const double cos = fg::cos(trial.heading), sin = fg::sin(trial.heading);
     trial.x += step * (trial.speed * cos - aside * sin);
     trial.y += step * (trial.speed * sin + aside * cos);
     trial.way += step * trial.speed;

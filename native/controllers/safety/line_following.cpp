@@ -1,6 +1,7 @@
 #include "line_following.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/slip.hpp"
 #include "../control/steering.hpp"
 #include "../control/tracking.hpp"
@@ -52,12 +53,12 @@ void describe_line(Line& line, const Limiter& limiter) {
         const float to_x = here[0] - before[0], to_y = here[1] - before[1];
         const float on_x = after[0] - here[0], on_y = after[1] - here[1];
         const float dx = to_x + on_x, dy = to_y + on_y;  // all this in single precision
-        bends[k] = (to_x * on_y - to_y * on_x) / (spacing * spacing * 0.5 * max(std::hypot(dx, dy), 1e-9));
-        described[k][0] = std::atan2(dy, dx);
+        bends[k] = (to_x * on_y - to_y * on_x) / (spacing * spacing * 0.5 * max(fg::hypot(dx, dy), 1e-9));
+        described[k][0] = fg::atan2(dy, dx);
     }
     average(bends);
     const CarParameters& car = limiter.car;
-    const double tightest = std::tan(lock_arc(limiter.slip, car)) / car.wheelbase;
+    const double tightest = fg::tan(lock_arc(limiter.slip, car)) / car.wheelbase;
     const double rear_lag = car.yaw_inertia / (car.mass * car.front_axle_distance);
     for (int k = 0; k < n; ++k) {
         const double bend = std::abs(bends[k]);
@@ -77,7 +78,7 @@ void describe_line(Line& line, const Limiter& limiter) {
 OwnTable<double> line_ahead(const Line& line, std::int64_t first, double x, double y, double heading,
                             const Limiter& limiter) {
     OwnTable<double> window(window_points, window_columns);
-    const double cos = std::cos(heading), sin = std::sin(heading);
+    const double cos = fg::cos(heading), sin = fg::sin(heading);
     for (int k = 0; k < window_points; ++k) {
         const Row<double> row = window[k];
         const std::int64_t at = (first - 1 + k + line.count) % line.count;
@@ -111,14 +112,14 @@ void write_speeds(Table<double> window, double spacing, const Limiter& limiter) 
 std::array<double, 3> position_on(Matrix window, std::int64_t point, double spacing) {
     const Numbers before = window[point - 1], after = window[point];
     const double left =
-        std::cos(after[motion_heading]) * after[motion_x] + std::sin(after[motion_heading]) * after[motion_y];
+        fg::cos(after[motion_heading]) * after[motion_x] + fg::sin(after[motion_heading]) * after[motion_y];
     const double share = min(max(1.0 - left / spacing, 0.0), 1.0);
     double turn = after[motion_heading] - before[motion_heading];
     turn -= whole_turns(turn);
     const double direction = before[motion_heading] + share * turn;
     const double dx = before[motion_x] + share * (after[motion_x] - before[motion_x]);
     const double dy = before[motion_y] + share * (after[motion_y] - before[motion_y]);
-    double aside = std::sin(direction) * dx - std::cos(direction) * dy;
+    double aside = fg::sin(direction) * dx - fg::cos(direction) * dy;
     aside += 0.5 * share * (1.0 - share) * spacing * turn;  // from the chord to the arc
     return {static_cast<double>(point - 1) + share, aside, whole_turns(direction) - direction};
 }
@@ -149,13 +150,13 @@ std::array<double, 3> reference_on(Matrix window, double position, double aside,
     const double length = length_at_rest + length_time * max(now, 0.0);
     const double ahead = curvature_at(window, position + (steering_lag + late_by(car)) * max(now, 0.0) / spacing);
     const double steering =
-        std::atan(car.wheelbase * (ahead - aside / (length * length) - 2.0 * std::sin(turned) / length));
-    const double wanted = std::abs(std::tan(steering)) / car.wheelbase;
+        fg::atan(car.wheelbase * (ahead - aside / (length * length) - 2.0 * fg::sin(turned) / length));
+    const double wanted = std::abs(fg::tan(steering)) / car.wheelbase;
     if (follows && std::abs(aside) > off_the_line)
         speed = min(speed, std::sqrt(correction_use * limiter.lateral / max(wanted, 1e-3)));
     speed *= 1.0 - slower_off * min(max(std::abs(aside) - on_it, 0.0), leaves_line);
     const double held = correction_use * (limiter.lateral / max(now * now, 0.5));
-    const double most = std::atan(car.wheelbase * max(std::abs(curvature_at(window, position)), held));
+    const double most = fg::atan(car.wheelbase * max(std::abs(curvature_at(window, position)), held));
     return {saturate(steering, most), speed, most};
 }
 

@@ -1,6 +1,7 @@
 #include "line_optimizer.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/band_program.hpp"
 
 namespace fg {
@@ -200,7 +201,7 @@ Grip limited_grip(const Limiter& limiter, double max_speed, std::array<double, 3
         accelerating[k] = accelerating_use * limiter.accelerating * longitudinal_share(limiter, used, false);
         braking[k] = braking_use * limiter.braking * longitudinal_share(limiter, used, true);
     }
-    const double lock = lock_use * std::tan(lock_arc(limiter.slip, car)) / car.wheelbase;
+    const double lock = lock_use * fg::tan(lock_arc(limiter.slip, car)) / car.wheelbase;
     const double power = car.max_acceleration * car.power_limit_speed;
     const double turning = limiter.yaw_lag / turning_use, turning_out = turning / limiter.settings.most_left;
     return {lateral, accelerating, braking, power, max_speed, lock, cornering_use, turning, turning_out};
@@ -212,7 +213,7 @@ OwnTable<double> normals_of(Matrix line) {
     for (int k = 0; k < n; ++k) {
         const Numbers back = line[before(k, n)], ahead = line[after(k, n)];
         const double dx = ahead[0] - back[0], dy = ahead[1] - back[1];
-        const double apart = max(std::hypot(dx, dy), 1e-9);
+        const double apart = max(fg::hypot(dx, dy), 1e-9);
         normals[k][0] = -dy / apart, normals[k][1] = dx / apart;
     }
     return normals;
@@ -224,8 +225,8 @@ void measure(Matrix line, Row<double> bends, Row<double> to, Row<double> on) {
         const Numbers back = line[before(k, n)], here = line[k], ahead = line[after(k, n)];
         const double to_x = here[0] - back[0], to_y = here[1] - back[1];
         const double on_x = ahead[0] - here[0], on_y = ahead[1] - here[1];
-        to[k] = max(std::hypot(to_x, to_y), 1e-9), on[k] = max(std::hypot(on_x, on_y), 1e-9);
-        const double chord = max(std::hypot(to_x + on_x, to_y + on_y), 1e-9);
+        to[k] = max(fg::hypot(to_x, to_y), 1e-9), on[k] = max(fg::hypot(on_x, on_y), 1e-9);
+        const double chord = max(fg::hypot(to_x + on_x, to_y + on_y), 1e-9);
         bends[k] = 2.0 * (to_x * on_y - to_y * on_x) / (to[k] * on[k] * chord);
     }
 }
@@ -323,7 +324,7 @@ OwnTable<double> spread(Matrix line, std::int64_t count) {
     }
     fine[pieces][0] = line[0][0], fine[pieces][1] = line[0][1];
     for (int k = 0; k < pieces; ++k)
-        along[k + 1] = along[k] + std::hypot(fine[k + 1][0] - fine[k][0], fine[k + 1][1] - fine[k][1]);
+        along[k + 1] = along[k] + fg::hypot(fine[k + 1][0] - fine[k][0], fine[k + 1][1] - fine[k][1]);
     OwnTable<double> points(count, 2);
     int piece = 0;
     for (int k = 0; k < count; ++k) {
@@ -341,7 +342,7 @@ double length_of(Matrix line) {
     double length = 0.0;
     for (int k = 0; k < n; ++k) {
         const Numbers back = line[before(k, n)];
-        length += std::hypot(line[k][0] - back[0], line[k][1] - back[1]);
+        length += fg::hypot(line[k][0] - back[0], line[k][1] - back[1]);
     }
     return length;
 }

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/slip.hpp"
 
 namespace fg {
@@ -122,7 +123,7 @@ void drive(ArcPart (&arcs)[shares][part_count], const Arc& arc, int part, const 
     const double turned = arc.curvature * parts[part] * arc.length, cos = here.cos, sin = here.sin;
     if (kept.length != arc.length) {  // the length tells the speed, and so the curvature
         const double chord = parts[part] * arc.length, half = 0.5 * turned;
-        kept = {arc.length, chord * std::cos(half), chord * std::sin(half), std::cos(turned), std::sin(turned)};
+        kept = {arc.length, chord * fg::cos(half), chord * fg::sin(half), fg::cos(turned), fg::sin(turned)};
     }
     const double ahead = kept.x * arc.direction, aside = kept.y, turn_sin = kept.sin * arc.direction;
     after.x = here.x + cos * ahead - sin * aside;
@@ -181,14 +182,14 @@ std::int32_t pop(Tree& tree) {
 void plant(const LocalMap& world, const Query& query, Node& start) {
     const double speed = max(query.speed, 0.0), driven = query.lag * speed;
     const double turned = query.curvature * query.lag * speed;
-    start.x = world.x + driven * std::cos(world.heading + 0.5 * turned);
-    start.y = world.y + driven * std::sin(world.heading + 0.5 * turned);
+    start.x = world.x + driven * fg::cos(world.heading + 0.5 * turned);
+    start.y = world.y + driven * fg::sin(world.heading + 0.5 * turned);
     start.heading = world.heading + turned;
     start.curvature = query.curvature;
     start.square = speed * speed;
     start.length = 0.0;
-    start.cos = std::cos(start.heading);
-    start.sin = std::sin(start.heading);
+    start.cos = fg::cos(start.heading);
+    start.sin = fg::sin(start.heading);
     start.direction = 1;
     start.parent = -1;
 }
@@ -199,7 +200,7 @@ void write_limits(const FrontierSearch& frontier, const Limiter& limiter, const 
     const CarParameters& car = limiter.car;
     const LocalMap& world = frontier.map;
     const double x = start.x, y = start.y, cos = start.cos, sin = start.sin;
-    limits.tightest = query.lock * std::tan(lock_arc(limiter.slip, car)) / car.wheelbase;
+    limits.tightest = query.lock * fg::tan(lock_arc(limiter.slip, car)) / car.wheelbase;
     limits.lateral = query.grip * limiter.lateral;
     for (int k = 0; k < shares; ++k) {
         const double used = min(query.grip, 0.97) * (std::abs(k - straight) / static_cast<double>(straight));

@@ -3,6 +3,7 @@
 #include "plan_in_time.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/planner_settings.hpp"
 #include "../control/slip.hpp"
 #include "../control/speed.hpp"
@@ -101,7 +102,7 @@ OwnRow<double> reaches_of(const CarParameters& car, Matrix rows, double bold) {
         const Prediction& target = prediction(rows[k]);
         double now = inf;
         for (const double offset : {front, 0.0, -car.lidar_offset})
-            now = min(now, std::hypot(target.x - offset, target.y));
+            now = min(now, fg::hypot(target.x - offset, target.y));
         double reach = 0.5 * car.width + widened_by + margin_round + target.radius;
         if (target.turns >= 2.0) reach -= bolder * bold;
         reaches[k] = max(min(reach, now - 0.02), 0.7 * reach);
@@ -136,7 +137,7 @@ std::tuple<Among, double> look_among(const Situation& here, std::array<double, 2
     for (std::int64_t k = 0; k < here.movers.rows; ++k) {
         const Prediction& target = prediction(here.movers[k]);
         if (target.x > -0.2) {
-            far = min(far, std::hypot(target.x, target.y));
+            far = min(far, fg::hypot(target.x, target.y));
             passing = min(passing, passing_speed + max(target.speed * target.cos, 0.0));
         }
     }
@@ -145,7 +146,7 @@ std::tuple<Among, double> look_among(const Situation& here, std::array<double, 2
                         (passing * passing - passing_speed * passing_speed) / (2.0 * slowing * limiter.braking);
     const double response = limiter.settings.steering_response;
     const double servo = share_of_way(here.period, response) * response / here.period;  // in the mean of a tick
-    const std::array<double, 2> place{goal[1] * std::cos(goal[0]), goal[1] * std::sin(goal[0])};
+    const std::array<double, 2> place{goal[1] * fg::cos(goal[0]), goal[1] * fg::sin(goal[0])};
     return {Among{here, place, onwards, room, servo, spans, reaches, may_turn_back * (1.0 - bold)}, far};
 }
 
@@ -164,16 +165,16 @@ Place place_of(const Among& among, const PlanInTime& plan, std::array<double, 3>
     if (number == 0) return {true, among.goal[0], among.goal[1], 0.0};
     if (number < places_across) {
         const double aside = (number / 2) * place_apart * (number % 2 == 0 ? 1.0 : -1.0);
-        const double towards = bearing + std::atan(aside / far);
-        const double cos = std::cos(towards), sin = std::sin(towards);
+        const double towards = bearing + fg::atan(aside / far);
+        const double cos = fg::cos(towards), sin = fg::sin(towards);
         const double reach = min(far, reading_towards(here, cos, sin) - 0.1);
-        return {reach >= arrived, reach * cos, reach * sin, std::abs(std::atan(aside / far) * far)};
+        return {reach >= arrived, reach * cos, reach * sin, std::abs(fg::atan(aside / far) * far)};
     }
     if (number == places_across) {
         const double way = 1.2 + car.lidar_offset;
-        return {true, 1.2, 0.5 * std::tan(here.angle) / car.wheelbase * (way * way), 0.0};
+        return {true, 1.2, 0.5 * fg::tan(here.angle) / car.wheelbase * (way * way), 0.0};
     }
-    const double dx = plan.x - pose[0], dy = plan.y - pose[1], cos = std::cos(pose[2]), sin = std::sin(pose[2]);
+    const double dx = plan.x - pose[0], dy = plan.y - pose[1], cos = fg::cos(pose[2]), sin = fg::sin(pose[2]);
     const double x = cos * dx + sin * dy, y = cos * dy - sin * dx;
     return {plan.kept == plan.tick - 1 && x >= 0.4, x, y, 0.0};
 }
@@ -185,7 +186,7 @@ double first_speed(const Profile& profile, double onwards, double cap) {
 
 // Return the steering angle [rad] towards a place in the frame of the LiDAR [m], by a point on the way to it.
 double steering_to(const CarParameters& car, double x, double y) {
-    const double nearer = min(1.0, looks / std::hypot(x + car.lidar_offset, y));
+    const double nearer = min(1.0, looks / fg::hypot(x + car.lidar_offset, y));
     return arc_through(nearer * (x + car.lidar_offset), nearer * y, car.wheelbase);
 }
 
@@ -215,9 +216,9 @@ int lay_path(const Among& among, double to_x, double to_y, Row<PathPoint> path) 
     const Situation& here = among.here;
     const Limiter& limiter = here.limiter;
     const CarParameters& car = limiter.car;
-    const double lock = std::tan(lock_arc(limiter.slip, car)) / car.wheelbase;
+    const double lock = fg::tan(lock_arc(limiter.slip, car)) / car.wheelbase;
     double speed = here.speed, x = -car.lidar_offset, y = 0.0, heading = 0.0;
-    double curvature = std::tan(here.angle) / car.wheelbase, cos = 1.0, sin = 0.0;
+    double curvature = fg::tan(here.angle) / car.wheelbase, cos = 1.0, sin = 0.0;
     bool last = false;
     for (int point = 0; point < path_length; ++point) {
         path[point] = {x, y, cos, sin, curvature, path[point].turning};
@@ -244,10 +245,10 @@ int lay_path(const Among& among, double to_x, double to_y, Row<PathPoint> path) 
         curvature += change;
         const double aim = min(among.onwards, cap_at(limiter, among.room - point * point_apart));
         speed = max(min(aim, speed + 0.8 * limiter.accelerating * time), speed - 0.7 * limiter.braking * time);
-        x += point_apart * std::cos(heading + 0.5 * curvature * point_apart);
-        y += point_apart * std::sin(heading + 0.5 * curvature * point_apart);
+        x += point_apart * fg::cos(heading + 0.5 * curvature * point_apart);
+        y += point_apart * fg::sin(heading + 0.5 * curvature * point_apart);
         heading += curvature * point_apart;
-        cos = std::cos(heading), sin = std::sin(heading);
+        cos = fg::cos(heading), sin = fg::sin(heading);
     }
     return 2 * path_length;
 }
@@ -406,9 +407,9 @@ bool can_stop(const Situation& here, std::array<double, 2> goal, double x, doubl
     const double turn = max(min(0.7 * (steering_to(car, x, y) - here.angle), most_turn), -most_turn);
     const double angle = here.angle + turn;
     const double along = bearing_of_arc(angle, here.settings.pursuit_distance, car.lidar_offset, car.wheelbase);
-    const double view = reading_towards(here, std::cos(along), std::sin(along));
+    const double view = reading_towards(here, fg::cos(along), fg::sin(along));
     const Situation alone = among_standing(here, angle);
-    const std::array<double, 2> ways[] = {goal, {std::atan2(y, x), std::hypot(x, y)}, {along, max(view, arrived)}};
+    const std::array<double, 2> ways[] = {goal, {fg::atan2(y, x), fg::hypot(x, y)}, {along, max(view, arrived)}};
     for (const auto [bearing, distance] : ways)
         for (const double use : {1.0, 0.5}) {
             const Plan stop{bearing, distance, Matrix{nullptr, 0, 4}, first, margin};
@@ -442,7 +443,7 @@ std::tuple<std::int64_t, double, double> choose(const Among& among, PlanInTime& 
             const double x = places[number].x, y = places[number].y;
             const double first = first_speed(profiles[k], among.onwards, cap);
             if (can_stop(here, goal, x, y, first, margin)) {
-                const double cos = std::cos(pose[2]), sin = std::sin(pose[2]);
+                const double cos = fg::cos(pose[2]), sin = fg::sin(pose[2]);
                 plan.kept = plan.tick;
                 plan.x = pose[0] + cos * x - sin * y, plan.y = pose[1] + sin * x + cos * y;
                 return {plan_drives, steering_to(here.limiter.car, x, y), first};
@@ -459,7 +460,7 @@ std::tuple<std::int64_t, double, double> choose(const Among& among, PlanInTime& 
 bool is_among(Matrix rows) {
     for (std::int64_t k = 0; k < rows.rows; ++k) {
         const Prediction& target = prediction(rows[k]);
-        const double away = std::hypot(target.x, target.y);
+        const double away = fg::hypot(target.x, target.y);
         if (away < near_anywhere || (away < near_ahead && target.x > 0.0)) return true;
     }
     return false;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/driving.hpp"
 #include "../control/slip.hpp"
 
@@ -40,7 +41,7 @@ void keep_odometry(Predictions& memory, const Odometry& odometry, std::int64_t l
 std::array<double, 2> course(const Target& target, double speed) {
     const double x = target.vx / speed, y = target.vy / speed;
     const double dx = target.turned[0][0] - target.turned[1][0], dy = target.turned[0][1] - target.turned[1][1];
-    const double way = std::copysign(std::hypot(dx, dy), dx * x + dy * y);
+    const double way = std::copysign(fg::hypot(dx, dy), dx * x + dy * y);
     if (target.turns >= 2 && std::abs(way) > on_line && std::abs(dx * y - dy * x) < 0.5 * std::abs(way))
         return {dx / way, dy / way};
     return {x, y};
@@ -72,14 +73,14 @@ double way_to_wall(const ScanGeometry& geometry, Numbers ranges_without_movers, 
         const double ahead = target.x + sign * way * target.cos, left = target.y + sign * way * target.sin;
         const double beam = nearest_beam(geometry.angle_min, geometry.angle_increment, ahead, left);
         if (!(0.0 <= beam && beam < ranges_without_movers.size())) return inf;
-        if (ranges_without_movers[static_cast<int>(beam)] < std::hypot(ahead, left)) return max(step - 1, 0) * between;
+        if (ranges_without_movers[static_cast<int>(beam)] < fg::hypot(ahead, left)) return max(step - 1, 0) * between;
     }
     return inf;
 }
 
 // Shorten the ways of a target to where it was seen to turn back, and write at how many ends it was.
 void end_where_it_turned(const Targets& seen, const Target& target, Prediction& row) {
-    const double cos = std::cos(seen.heading), sin = std::sin(seen.heading);
+    const double cos = fg::cos(seen.heading), sin = fg::sin(seen.heading);
     row.turns = 0.0;
     for (int index = 0; index < min(target.turns, std::int64_t{2}); ++index) {
         const double dx = target.turned[index][0] - seen.x, dy = target.turned[index][1] - seen.y;
@@ -118,7 +119,7 @@ bool track(const ScanGeometry& geometry, Numbers ranges, const Odometry& odometr
 }
 
 std::array<double, 2> position_of(const Targets& seen, const Target& target) {
-    const double cos = std::cos(seen.heading), sin = std::sin(seen.heading);
+    const double cos = fg::cos(seen.heading), sin = fg::sin(seen.heading);
     const double dx = 0.5 * (target.ends[0][0] + target.ends[1][0]) - seen.x;
     const double dy = 0.5 * (target.ends[0][1] + target.ends[1][1]) - seen.y;
     return {cos * dx + sin * dy, cos * dy - sin * dx};
@@ -127,13 +128,13 @@ std::array<double, 2> position_of(const Targets& seen, const Target& target) {
 bool write_predictions(Predictions& memory) {
     memory.count = 0;
     const Targets& seen = memory.targets;
-    const double cos = std::cos(seen.heading), sin = std::sin(seen.heading);
+    const double cos = fg::cos(seen.heading), sin = fg::sin(seen.heading);
     for (const Target& target : seen.targets) {
         if (!is_mover(target)) continue;
         Prediction& row = prediction(table(memory.rows)[memory.count++]);
         const auto [x, y] = position_of(seen, target);
         row.x = x, row.y = y;
-        row.speed = std::hypot(target.vx, target.vy), row.radius = max(target.size, least_radius) + margin;
+        row.speed = fg::hypot(target.vx, target.vy), row.radius = max(target.size, least_radius) + margin;
         row.cos = 1.0, row.sin = 0.0;
         if (row.speed > 0.0) {
             const auto [course_x, course_y] = course(target, row.speed);
@@ -203,7 +204,7 @@ std::array<double, 2> occupied(Numbers row, double time, double bold) {
 std::array<double, 2> along_arc(double along, double across, double curvature) {
     const double turned = curvature * along, off = 1.0 - curvature * across;
     const double beyond = 2.0 * across - curvature * (along * along + across * across);
-    return {std::atan2(turned, off) / curvature, beyond / (1.0 + std::hypot(turned, off))};
+    return {fg::atan2(turned, off) / curvature, beyond / (1.0 + fg::hypot(turned, off))};
 }
 
 bool meets(Matrix rows, double ahead, double left, double radius, double time) {
@@ -230,7 +231,7 @@ OwnTable<double> turned(const Predictions& memory, double angle) {
     OwnTable<double> copy(memory.count, rows.columns);
     for (std::int64_t k = 0; k < memory.count; ++k) std::copy_n(rows[k].data, rows.columns, copy[k].data);
     if (angle != 0.0) {
-        const double cos = std::cos(angle), sin = std::sin(angle);
+        const double cos = fg::cos(angle), sin = fg::sin(angle);
         for (std::int64_t k = 0; k < memory.count; ++k) {
             Prediction& row = prediction(copy[k]);
             const double x = row.x, y = row.y, course_x = row.cos, course_y = row.sin;

@@ -2,6 +2,7 @@
 #include "recovery.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/steering.hpp"
 
 namespace fg {
@@ -24,11 +25,11 @@ bool reverses(Recovery& memory, const RecoverySettings& settings, const LocalMap
 }
 
 double angle_back(const LocalMap& world, const RecoverySettings& settings, const CarParameters& car) {
-    const double cos = std::cos(world.heading), sin = std::sin(world.heading);
+    const double cos = fg::cos(world.heading), sin = fg::sin(world.heading);
     for (std::int64_t back = 0; back < world.known; ++back) {
         const Numbers point = table(world.path)[(world.newest + path_points - back) % path_points];
         const double x = point[0] - world.x, y = point[1] - world.y;
-        if (std::hypot(x, y) >= settings.reach) {
+        if (fg::hypot(x, y) >= settings.reach) {
             const double angle = arc_through(cos * x + sin * y, cos * y - sin * x, car.wheelbase);
             return saturate(angle, car.max_steering_angle);
         }

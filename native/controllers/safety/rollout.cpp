@@ -2,6 +2,7 @@
 // discs may come near something on the way.
 #include "rollout.hpp"
 
+#include "../../core/transcendental.hpp"
 #include "../control/slip.hpp"
 #include "../control/speed.hpp"
 #include "../control/steering.hpp"
@@ -30,8 +31,8 @@ public:
         : here_(here),
           plan_(plan),
           late_(late_by(here.limiter.car)),
-          goal_x_(here.limiter.car.lidar_offset + plan.distance * std::cos(plan.bearing)),
-          goal_y_(plan.distance * std::sin(plan.bearing)) {}
+          goal_x_(here.limiter.car.lidar_offset + plan.distance * fg::cos(plan.bearing)),
+          goal_y_(plan.distance * fg::sin(plan.bearing)) {}
 
     // Return the steering angle [rad] along the plan from a place.
     double steer(const Place& at, double angle, double speed) {
@@ -70,18 +71,18 @@ private:
 // Return whether a beam ends in the disc of the bare car round a place in the frame of the LiDAR, `away` [m].
 bool ends_in(const Situation& here, double ahead, double left, double away) {
     const double increment = here.geometry.angle_increment, width = here.limiter.car.width;
-    const double radius = std::hypot(0.5 * width, 0.25 * width);  // it covers the corners of the front
+    const double radius = fg::hypot(0.5 * width, 0.25 * width);  // it covers the corners of the front
     const double middle = nearest_beam(here.geometry.angle_min, increment, ahead, left);
     double half = inf;
     int step = 1;
     if (away > radius) {
-        half = std::asin(radius / away) / increment;
+        half = fg::asin(radius / away) / increment;
         step = max(whole(half / beams_aside), 1);
     }
     const int last = whole(min(static_cast<double>(here.ranges.length - 1), middle + half));
     for (int beam = whole(max(0.0, middle - half)); beam <= last; beam += step) {
         const double end = here.ranges[beam], off = (beam - middle) * increment;
-        if (end - away < radius && end * end + away * away - 2.0 * end * away * std::cos(off) < radius * radius)
+        if (end - away < radius && end * end + away * away - 2.0 * end * away * fg::cos(off) < radius * radius)
             return true;
     }
     return false;
@@ -91,7 +92,7 @@ bool ends_in(const Situation& here, double ahead, double left, double away) {
 bool was_seen(const Situation& here, const Place& at, double ahead) {
     const LocalMap& world = here.ground.map;
     const double x = at.x + ahead * at.cos, y = at.y + ahead * at.sin;
-    const double cos = std::cos(world.heading), sin = std::sin(world.heading);
+    const double cos = fg::cos(world.heading), sin = fg::sin(world.heading);
     const std::int64_t i = floored((world.x + cos * x - sin * y) * cells_per_metre);
     const std::int64_t j = floored((world.y + sin * x + cos * y) * cells_per_metre);
     return in_window(world, i, j) &&
@@ -161,18 +162,18 @@ Met simulate(const Situation& here, const Plan& plan, double use, double speed) 
         const double next_angle = angle + ticks * turned * (command[0] - angle);
         const double next_speed = speed + slowed * (command[1] - speed);
         const double way = longer * 0.5 * (speed + next_speed) * ticks * here.period;
-        double curvature = std::tan(0.5 * (angle + next_angle)) / car.wheelbase;
+        double curvature = fg::tan(0.5 * (angle + next_angle)) / car.wheelbase;
         if (limiter.slip.needs_slip_angle) {
             const double lag = path_lag(limiter.slip, 0.5 * (speed + next_speed));
-            memory.curvature += (curvature - memory.curvature) * (1.0 - std::exp(-way / lag));
+            memory.curvature += (curvature - memory.curvature) * (1.0 - fg::exp(-way / lag));
             curvature = memory.curvature;
         }
         const double middle = at.heading + 0.5 * curvature * way;
-        at.x += way * std::cos(middle);
-        at.y += way * std::sin(middle);
+        at.x += way * fg::cos(middle);
+        at.y += way * fg::sin(middle);
         at.heading += curvature * way;
-        at.cos = std::cos(at.heading);
-        at.sin = std::sin(at.heading);
+        at.cos = fg::cos(at.heading);
+        at.sin = fg::sin(at.heading);
         angle = next_angle;
         speed = next_speed;
         time += ticks * here.period;

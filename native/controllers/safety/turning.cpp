@@ -2,6 +2,7 @@
 #include "turning.hpp"
 
 #include "../../core/numbers.hpp"
+#include "../../core/transcendental.hpp"
 #include "../control/steering.hpp"
 #include "../control/tracking.hpp"
 #include "../perception/local_map.hpp"
@@ -35,7 +36,7 @@ bool begins(FrontierSearch& frontier, const Limiter& limiter, Turning& memory, d
     }
     if (memory.begun >= most_begun) return false;
     memory.slow = 0.0;
-    const double curvature = std::tan(steering_angle) / car.wheelbase;
+    const double curvature = fg::tan(steering_angle) / car.wheelbase;
     // The second attempt has what the first leaves of the nodes, so next time the other one begins.
     for (int attempt = 0; attempt < 2; ++attempt) {
         const int nearest = (attempt + memory.failed) % 2 == 0 ? wall_in_2 : wall_in_1;
@@ -43,7 +44,7 @@ bool begins(FrontierSearch& frontier, const Limiter& limiter, Turning& memory, d
         if (search_motion(frontier, limiter, memory.motion, query)) {
             memory.active = true, memory.next_point = 0;
             ++memory.begun;
-            const double cos = std::cos(world.heading), sin = std::sin(world.heading);
+            const double cos = fg::cos(world.heading), sin = fg::sin(world.heading);
             memory.in_walls = outline_in_walls(world, car, world.x, world.y, cos, sin);
             return true;
         }
@@ -60,7 +61,7 @@ bool is_free(const FrontierSearch& frontier, const CarParameters& car, const Tur
     for (std::int64_t k = memory.next_point; k < memory.motion.count; ++k) {
         const Numbers point = table(memory.motion.points)[k];
         const double x = point[motion_x], y = point[motion_y], heading = point[motion_heading];
-        const double cos = std::cos(heading), sin = std::sin(heading);
+        const double cos = fg::cos(heading), sin = fg::sin(heading);
         if (outline_in_walls(world, car, x, y, cos, sin) > most) return false;
         if (touches(ends, car, x, y, cos, sin, 0.0)) return false;
     }
@@ -76,7 +77,7 @@ void turn_in_moves(FrontierSearch& frontier, const Limiter& limiter, Turning& me
     const LocalMap& world = frontier.map;
     const std::int64_t count = memory.motion.count;
     const Matrix points = table(memory.motion.points);
-    const double cos = std::cos(world.heading), sin = std::sin(world.heading);
+    const double cos = fg::cos(world.heading), sin = fg::sin(world.heading);
     for (; memory.next_point < count; ++memory.next_point) {
         const Numbers point = points[memory.next_point];
         const double ahead =
@@ -95,14 +96,14 @@ void turn_in_moves(FrontierSearch& frontier, const Limiter& limiter, Turning& me
     double left = 0.0, x = world.x, y = world.y;  // left: [m] until the direction changes
     std::int64_t target = -1, end = memory.next_point;
     for (; end < count && points[end][motion_direction] == direction; ++end) {
-        left += std::hypot(points[end][motion_x] - x, points[end][motion_y] - y);
+        left += fg::hypot(points[end][motion_x] - x, points[end][motion_y] - y);
         x = points[end][motion_x], y = points[end][motion_y];
         if (target < 0 && left >= reach) target = end;
     }
     const Numbers point = points[target >= 0 ? target : end - 1];
     const double ahead = cos * (point[motion_x] - world.x) + sin * (point[motion_y] - world.y);
     const double aside = cos * (point[motion_y] - world.y) - sin * (point[motion_x] - world.x);
-    double angle = std::atan(points[memory.next_point][motion_curvature] * car.wheelbase);
+    double angle = fg::atan(points[memory.next_point][motion_curvature] * car.wheelbase);
     if (std::abs(ahead) > 0.15) angle = arc_through(ahead, aside, car.wheelbase);
     memory.steering_angle = saturate(angle, car.max_steering_angle);
     memory.speed = min(speed_of_moves, std::sqrt(2.0 * braking * left) + 0.1) * direction;
