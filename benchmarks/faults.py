@@ -87,14 +87,14 @@ FAULTS = {
     # vehicle
     "a tire's slip angle without its arctangent's sign": Fault(
         file="native/vehicle/tire_patch.hpp",
-        old="angle = std::atan(across / tire.relaxation_length)",
-        new="angle = -std::atan(across / tire.relaxation_length)",
+        old="angle = fg::atan(across * per_length_) *",
+        new="angle = -fg::atan(across * per_length_) *",
         tests="test_tire_forces.py test_tires.py",
     ),
     "the load sensitivity with the wrong sign": Fault(
         file="native/vehicle/tire_patch.hpp",
-        old="std::pow(load / tire.nominal_load, -tire.load_sensitivity)",
-        new="std::pow(load / tire.nominal_load, tire.load_sensitivity)",
+        old="fg::pow(load / tire.nominal_load, -tire.load_sensitivity)",
+        new="fg::pow(load / tire.nominal_load, tire.load_sensitivity)",
         tests="test_tire_forces.py test_tires.py",
     ),
     "Coulomb friction without its limit": Fault(
@@ -229,8 +229,8 @@ FAULTS = {
     ),
     "a goal seen from the LiDAR taken as seen from the axle": Fault(
         file="native/controllers/control/steering.hpp",
-        old="return arc_through(lidar_offset + distance * std::cos(bearing),",
-        new="return arc_through(distance * std::cos(bearing),",
+        old="return arc_through(lidar_offset + distance * fg::cos(bearing),",
+        new="return arc_through(distance * fg::cos(bearing),",
         tests="test_speed_laws.py test_driving.py test_pure_pursuit.py test_gap_finder.py",
     ),
     "the longest gap a beam short": Fault(

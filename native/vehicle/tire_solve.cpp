@@ -34,9 +34,7 @@ struct Scratch {
     double halves[4][16][4];    // likewise, see `half_solve`
     Lanes common[16];           // of the common dofs
     Lanes mobility[lanes];
-    Lanes odd[lanes];  // a part of its sums; the first, of those of a short step
     Lanes velocity, force, mean, free, even;
-    double depth[4], forward[4], left[4], reach[4], slow_x[4], slow_y[4];
     Moves moves;  // of the last wheel
     Tie ties[4];  // by speed of the drive line
     Lanes through;
@@ -183,15 +181,14 @@ FG_VERSIONS void half_solve_common(const mjData* data, const Inertia& inertia, c
 FG_VERSIONS void write_mobility(const Gear& gear, Row<const Tire> tires, double short_step, Scratch& scratch) {
     Lanes(&mobility)[lanes] = scratch.mobility;
     const auto rows = contacts + gear.lanes;
-    for (int i = 0; i < rows; ++i)
-        for (int j = 0; j < lanes; ++j) mobility[i][j] = scratch.odd[i][j] = 0.0;
-    for (int place = 0; place < gear.commons; ++place) {  // two sums go on at a time
-        Lanes(&sums)[lanes] = place % 2 == 1 ? scratch.odd : mobility;
-        const Lanes& row = scratch.common[place];
-        for (int i = 0; i < rows; ++i) add_scaled(sums[i], row, row[i]);
+    for (int i = 0; i < rows; ++i) {
+        Lanes even{}, odd{};  // two sums go on at a time
+        for (int place = 0; place < gear.commons; ++place) {
+            const Lanes& row = scratch.common[place];
+            add_scaled(place % 2 == 1 ? odd : even, row, row[i]);
+        }
+        for (int j = 0; j < lanes; ++j) mobility[i][j] = even[j] + odd[j];
     }
-    for (int i = 0; i < rows; ++i)
-        for (int j = 0; j < lanes; ++j) mobility[i][j] += scratch.odd[i][j];
     for (int k = 0; k < tires.size(); ++k) {
         const int first = 3 * k;  // of its rows and columns
         for (int link = 0; link < tires[k].own_links; ++link) {
@@ -327,16 +324,12 @@ FG_VERSIONS void push_car(const mjModel* model, mjData* data, const Inertia& ine
         scratch.velocity[i] = scratch.force[i] = scratch.mean[i] = scratch.free[i] = 0.0;
     for (int place = 0; place < gear.commons; ++place)
         for (double& number : scratch.common[place]) number = 0.0;
+    Four depth{}, forward{}, along{}, across{}, peaks{};
     for (int k = 0; k < wheels; ++k) {
         const Tire& tire = tires[k];
-        scratch.depth[k] = wheel_rows(data, tire, k, dofs, timestep, scratch);
-        const double forward = move(data, gear, tire, k, short_step, dofs, scratch);
-        const auto [left, reach] = rolled(forward, tire.relaxation_length, short_step);
-        const auto [slow_x, slow_y] = damping_of(tire, forward, short_step);
-        scratch.left[k] = left, scratch.reach[k] = reach;
-        scratch.slow_x[k] = slow_x, scratch.slow_y[k] = slow_y;
-        scratch.forward[k] = forward;
-        own[k] = {own[k].along, own[k].across, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+        depth[k] = wheel_rows(data, tire, k, dofs, timestep, scratch);
+        forward[k] = move(data, gear, tire, k, short_step, dofs, scratch);
+        along[k] = own[k].along, across[k] = own[k].across, peaks[k] = mu[k];
         half_solve(data, inertia, gear, tire, k, dofs, scratch);
     }
     half_solve_common(data, inertia, gear, dofs, scratch);
@@ -344,32 +337,29 @@ FG_VERSIONS void push_car(const mjModel* model, mjData* data, const Inertia& ine
     tie(gear, short_step, scratch);
     const double before = gear.lanes > 0 ? data->actuator_force[gear.actuator[1]] : 0.0;
     double pull = 0.0;
+    const Patches patches(tires, forward, short_step);
+    Four sliding{}, sliding_across{}, slip_size{};
     std::optional<Motor> motor;
     if (gear.driven) motor.emplace(model, data, gear);
     for (std::int64_t step = 0; step < steps; ++step) {
-        for (int k = 0; k < wheels; ++k) {
-            const Tire& tire = tires[k];
-            TireState& state = own[k];
+        Four over_x, over_y, over_z;
+        for (int k = 0; k < 4; ++k) {
             const double* over = scratch.velocity + 3 * k;
+            over_x[k] = over[0], over_y[k] = over[1], over_z[k] = over[2];
+        }
+        const Four pressed = patches.load(depth, over_z), none{};
+        const FourFlags touches = (depth > 0.0) & (pressed > 0.0);
+        const Four load = touches ? pressed : none;
+        const Deflected now = patches.deflect(along, across, over_x, over_y, patches.grip(load, peaks));
+        along = touches ? now.along : none, across = touches ? now.across : none;
+        const Four slides = root_of(now.sliding_x * now.sliding_x + now.sliding_y * now.sliding_y);
+        slip_size = max(slip_size, touches ? now.size : none);
+        sliding = max(sliding, touches ? slides : none);
+        sliding_across = max(sliding_across, touches ? size_of(now.sliding_y) : none);
+        for (int k = 0; k < 4; ++k) {
             double* force = scratch.force + 3 * k;
-            const double load = tire.vertical_stiffness * scratch.depth[k] - tire.vertical_damping * over[2];
-            if (scratch.depth[k] <= 0.0 || load <= 0.0) {
-                state.along = state.across = force[0] = force[1] = force[2] = 0.0;
-                continue;
-            }
-            const double grip = grip_of(tire, load, mu[k]);
-            const auto [along, across, fx, fy, size, sliding_x, sliding_y] =
-                tire.holds ? bend(tire, state.along, state.across, over[0], over[1], scratch.left[k], scratch.reach[k],
-                                  scratch.slow_x[k], scratch.slow_y[k], grip)
-                           : deflect(tire, state.along, state.across, over[0], over[1], scratch.forward[k], grip,
-                                     short_step);
-            state.along = along, state.across = across;
-            force[0] = fx, force[1] = fy, force[2] = load;
-            state.slip_size = max(state.slip_size, size);
-            if (sliding_x != 0.0 || sliding_y != 0.0) {
-                state.sliding = max(state.sliding, fg::hypot(sliding_x, sliding_y));
-                state.sliding_across = max(state.sliding_across, std::abs(sliding_y));
-            }
+            force[0] = touches[k] ? now.force_x[k] : 0.0, force[1] = touches[k] ? now.force_y[k] : 0.0;
+            force[2] = load[k];
         }
         if (motor) {
             const double speed = scratch.velocity[contacts];
@@ -377,17 +367,18 @@ FG_VERSIONS void push_car(const mjModel* model, mjData* data, const Inertia& ine
             scratch.force[contacts] = pull;
             motor->length += short_step * speed;
         }
-        for (int i = 0; i < lanes; ++i) scratch.even[i] = scratch.free[i], scratch.odd[0][i] = 0.0;
+        Lanes odd{};
+        for (int i = 0; i < lanes; ++i) scratch.even[i] = scratch.free[i];
         for (int j = 0; j < contacts; j += 2) {  // two sums go on at a time
             add_scaled(scratch.even, scratch.mobility[j], scratch.force[j]);
-            add_scaled(scratch.odd[0], scratch.mobility[j + 1], scratch.force[j + 1]);
+            add_scaled(odd, scratch.mobility[j + 1], scratch.force[j + 1]);
         }
-        add_scaled(scratch.even, scratch.odd[0], 1.0);
+        add_scaled(scratch.even, odd, 1.0);
         add_scaled(scratch.even, scratch.mobility[contacts], scratch.force[contacts]);
         add_scaled(scratch.velocity, scratch.even, 1.0);
         if (gear.clutches > 0) [[unlikely]] hold_clutches(gear, pull, before, scratch);
         add_scaled(scratch.mean, scratch.force, 1.0);
-        for (int k = 0; k < wheels; ++k) scratch.depth[k] -= short_step * scratch.velocity[3 * k + 2];
+        for (int k = 0; k < 4; ++k) depth[k] -= short_step * scratch.velocity[3 * k + 2];
     }
     const double share = 1.0 / static_cast<double>(steps);
     const Row<double> smooth{data->qfrc_smooth, dofs};
@@ -401,7 +392,7 @@ FG_VERSIONS void push_car(const mjModel* model, mjData* data, const Inertia& ine
             const double(&row)[4] = scratch.jacobian[k][link];
             smooth[tire.chain[link]] += row[0] * fx + row[1] * fy + row[2] * fz + row[3] * torque;
         }
-        own[k].force_along = fx, own[k].force_across = fy, own[k].load = fz;
+        own[k] = {along[k], across[k], fz, fx, fy, sliding[k], sliding_across[k], slip_size[k]};
     }
 }
 

@@ -10,8 +10,11 @@ namespace fg {
 
 inline double coulomb_force(Numbers numbers, double slip) { return numbers[0] * min(numbers[1] * slip, 1.0); }
 
-inline double magic_formula_force(Numbers numbers, double slip) {
-    const double x = numbers[0] * min(slip, numbers[4]);
+constexpr int magic_formula_numbers = 5;
+
+template <class Numbers, class T>
+FG_INLINE T magic_formula_force(const Numbers& numbers, T slip) {
+    const T x = numbers[0] * min(slip, numbers[4]);
     return numbers[2] * fg::sin(numbers[1] * fg::atan(x - numbers[3] * (x - fg::atan(x))));
 }
 
@@ -39,9 +42,10 @@ inline double sampled_force(Numbers numbers, double slip) {
     return numbers[low] + part * (rise + part * (bend + part * (rise + numbers[low + 3] - 2.0 * step)));
 }
 
+enum { coulomb, magic_formula, linear, brush, friction_curve };  // their places in LAWS; behind them: sampled ones
+
 // Return the force of a law's tire.
 inline double curve_force(std::int64_t law, Numbers numbers, double slip) {
-    enum { coulomb, magic_formula, linear, brush, friction_curve };  // their places in LAWS; behind them: sampled ones
     switch (law) {
         case coulomb: return coulomb_force(numbers, slip);
         case magic_formula: return magic_formula_force(numbers, slip);

@@ -2,6 +2,7 @@
 #include "slip.hpp"
 
 #include "../../core/transcendental.hpp"
+#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
@@ -141,9 +142,9 @@ double velocity_angle(const Slip& slip, const CarParameters& car, double speed, 
 
 double yaw_rate_on_arc(const Slip& slip, const CarParameters& car, const Odometry& odometry) {
     const double yaw_rate = odometry.angular_velocity[2], speed = odometry.speed, angle = odometry.steering_angle;
-    const double error = yaw_rate - speed * std::tan(angle) / car.wheelbase;
+    const double error = yaw_rate - speed * fg::tan(angle) / car.wheelbase;
     if (!(slip.needs_slip_angle && std::abs(error) < computed * std::abs(yaw_rate))) return yaw_rate;
-    return speed * std::tan(arc_angle(slip, car, angle, speed)) / car.wheelbase;
+    return speed * fg::tan(arc_angle(slip, car, angle, speed)) / car.wheelbase;
 }
 
 // The motor's servo pulls with a = (command - wheels) / its time constant, less what rolling takes. For this the wheels
