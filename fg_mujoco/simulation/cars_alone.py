@@ -1,11 +1,11 @@
 """The cars of a world without its course, which are stepped in its place where they touch nothing.
 
 Where all worlds have another course, what a step reads of their models and data has left the processor's cache before
-the world's next tick. But cars that touch nothing move the same without the walls. So for worlds that come and go
-(`Slots`) each thread has one model and one data of the cars alone. A world's state, and what is its own in the model
-(`CHANGEABLE`), is written to them before a tick, and read from them afterwards. From the first step on in which a car
-may touch something, the world's own model and data are stepped. The states have the same bits: the cars in both models
-have the same ids of bodies, joints, actuators and pairs.
+the world's next tick, and each step places what is only seen of a car. But cars that touch nothing move the same
+without both. So of several worlds each thread has one model and one data of the cars alone. A world's state, and what
+is its own in the model (`CHANGEABLE`), is written to them before a tick, and read from them afterwards. From the first
+step on in which a car may touch something, the world's own model and data are stepped. The states have the same bits:
+the cars in both models have the same ids of bodies, joints, actuators and pairs.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from .physics import CHANGEABLE, Batch
 
 
 def without_course(xml: str) -> str:
-    """Return the MJCF text of a world's cars alone, the same on any course: without what stands there, and lights."""
+    """Return the MJCF text of a world's cars alone, the same on any course: nothing that stands or is only seen."""
     root = ElementTree.fromstring(xml)
     root.set("model", "cars")
+    root.insert(0, ElementTree.Element("compiler", discardvisual="true"))
     ground = root.find("worldbody")
     assert ground is not None
     for element in list(ground):
@@ -54,11 +55,12 @@ _ROOM = ("scratch", *Scratch._fields)
 
 
 class CarsAlone(Uncopied):
-    """A model of some cars without a course, and its data, for one thread; `addresses` of both."""
+    """A model of some cars without the course of their world's, and its data, for one thread; `addresses` of both."""
 
-    def __init__(self, xml: str, cars: Sequence[Car]) -> None:
+    def __init__(self, xml: str, world: mujoco.MjModel, cars: Sequence[Car]) -> None:
         self._model = mujoco.MjModel.from_xml_string(xml)
         fit_timestep(self._model)
+        self._model.dof_length[:] = world.dof_length  # for falling asleep: with what is only seen
         for car in cars:
             take_over(self._model, car.prefix)
         self._data = mujoco.MjData(self._model)

@@ -106,7 +106,14 @@ class Engine(Uncopied):
         self._ends_of_shares = ends_of_shares(self.count, threads)
         self._slots = Slots()
         self.room = 1
-        batches = [self._batch(worlds[part.start], part) for part in parts_of(worlds, self._ends_of_shares)]
+        batches = []
+        for part in parts_of(worlds, self._ends_of_shares):
+            first, alone = worlds[part.start], None
+            if part.stop - part.start > 1 and not own_model and first.distances[0].size:
+                from .cars_alone import CarsAlone
+
+                alone = CarsAlone(first.xml_of_cars, first.model, first.cars)
+            batches.append(self._batch(first, part, alone=alone))
         self._take_batches(batches)
         self._changes = None if changes is None else list(changes)
         if changes is not None:

@@ -7,7 +7,7 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.course.obstacles import Box
-from fg_mujoco.simulation.cars_alone import without_course
+from fg_mujoco.simulation.cars_alone import CarsAlone, without_course
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.changes import CarChanges
@@ -70,7 +70,10 @@ def test_cars_alone_are_the_cars_of_the_world(worlds):
     texts = [without_course(world.xml) for world in worlds]
     assert texts[0] == texts[1] != without_course(fg.World("oval", mu=0.7).xml)
     cars = mujoco.MjModel.from_xml_string(texts[0])
-    of_geoms = {"body_geomadr", "body_bvhadr", "pair_geom1", "pair_geom2", "sensor_objid"}
+    own = CarsAlone(texts[0], worlds[0].model, worlds[0].cars)._model
+    np.testing.assert_array_equal(own.dof_length, worlds[0].model.dof_length)
+    of_geoms = {"pair_geom1", "pair_geom2", "sensor_objid"}
+    of_geoms |= {"body_geomadr", "body_geomnum", "body_bvhadr", "body_bvhnum", "dof_length"}
     for world in worlds:
         model, compared = world.model, 0
         for name in dir(cars):
