@@ -25,6 +25,13 @@ def is_command() -> bool:
     return program == "fg-mujoco" or sys.orig_argv[1:3] == ["-m", "fg_mujoco"]
 
 
+def end_command(said: str) -> None:
+    """End the command with a line and exit code 2, before its work; do nothing in another program."""
+    if is_command():
+        print("fg-mujoco:", said, file=sys.stderr)
+        sys.exit(2)
+
+
 def _end_at_once() -> None:
     """Let Ctrl-C end this process without a traceback, if it is the command and has not begun its work."""
     is_usual = _in_main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler

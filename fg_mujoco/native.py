@@ -7,16 +7,23 @@ the types that `_native.pyi` names, and never a copy of one.
 from __future__ import annotations
 
 import platform
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from .errors import EngineError
+from .interrupts import end_command
 
 __all__ = ["check_record", "core", "load_mujoco", "record"]
 
 _INTERFACE = 1  # FG_INTERFACE of native/CMakeLists.txt
 _MENDED_BY = "to build it: make native in a checkout, else pip install --force-reinstall --no-deps fg-mujoco"
+
+
+def _refuse(said: str, error: Exception | None = None) -> NoReturn:
+    """End the command; raise EngineError in another program."""
+    end_command(f"{said}; {_MENDED_BY}")
+    raise EngineError(f"{said}; {_MENDED_BY}") from error
 
 
 def _loaded() -> Any:
@@ -30,10 +37,10 @@ def _loaded() -> Any:
     except ImportError as error:
         version = f"{platform.python_implementation()} {platform.python_version()}"
         said = " ".join(str(error).split())
-        raise EngineError(f"the native core does not load in {version} ({said}); {_MENDED_BY}") from error
+        _refuse(f"the native core does not load in {version} ({said})", error)
     found = getattr(_native, "INTERFACE", None)
     if found != _INTERFACE:
-        raise EngineError(f"the native core has interface {found}, and these sources need {_INTERFACE}; {_MENDED_BY}")
+        _refuse(f"the native core has interface {found}, and these sources need {_INTERFACE}")
     return _native
 
 
@@ -52,7 +59,7 @@ def load_mujoco(path: str) -> None:
     try:
         core.load_mujoco(path)
     except RuntimeError as error:
-        raise EngineError(f"{error}; {_MENDED_BY}") from error
+        _refuse(str(error), error)
 
 
 def check_record(name: str, dtype: np.dtype[Any], fields: dict[str, int]) -> None:
@@ -63,7 +70,7 @@ def check_record(name: str, dtype: np.dtype[Any], fields: dict[str, int]) -> Non
     """
     found = {} if dtype.fields is None else {field: int(of[1]) for field, of in dtype.fields.items()}
     if found != fields:
-        raise EngineError(f"the native core has another layout of {name}; {_MENDED_BY}")
+        _refuse(f"the native core has another layout of {name}")
 
 
 def record(name: str, fields: list[Any]) -> np.dtype[np.void]:
@@ -80,5 +87,5 @@ def record(name: str, fields: list[Any]) -> np.dtype[np.void]:
     size, found = core.RECORDS[name]
     check_record(name, dtype, found)
     if dtype.itemsize != size:
-        raise EngineError(f"the native core has another layout of {name}; {_MENDED_BY}")
+        _refuse(f"the native core has another layout of {name}")
     return dtype

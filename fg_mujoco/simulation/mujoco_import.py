@@ -5,6 +5,9 @@ MUJOCO_GL=disable: races need no pictures, and a request for one is refused with
 
 By default MuJoCo draws with the package `glfw`, which starts another Python to look for its library, and takes longer
 to import than MuJoCo itself. Here it is imported once something draws.
+
+MuJoCo imports NumPy, whose linear algebra has a thread for each core. They wait by spinning, and the matrices of a
+command are small, so there it has one thread.
 """
 
 from __future__ import annotations
@@ -19,13 +22,15 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from ..errors import MissingExtraError
-from ..interrupts import is_command
+from ..interrupts import end_command, is_command
 
 _LEAST, _BEYOND = (3, 17), (5,)  # versions of MuJoCo, as in pyproject.toml
 
 
 def import_mujoco() -> None:
     """Import mujoco, with its own OpenGL or without."""
+    if is_command():
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     wanted, platform = os.environ.get("MUJOCO_GL"), os.environ.get("PYOPENGL_PLATFORM")
     if not wanted:
         _import_glfw_later()
@@ -55,14 +60,12 @@ def _require_accepted() -> None:
 
 
 def _refuse(error: Exception) -> NoReturn:
-    """End the command with a line and exit code 2; raise in another program."""
+    """End the command; raise in another program."""
     python, accepted = shlex.quote(sys.executable or "python3"), "mujoco>=" + ".".join(map(str, _LEAST))
     commands = ("uninstall -y mujoco mujoco-core mujoco-studio", f"install '{accepted},<{_BEYOND[0]}'")
     why = " ".join(f"{type(error).__name__}: {error}".split())
     said = f"MuJoCo cannot be used: {why}; install it again: " + " && ".join(f"{python} -m pip {c}" for c in commands)
-    if is_command():
-        print("fg-mujoco:", said, file=sys.stderr)
-        sys.exit(2)
+    end_command(said)
     raise MissingExtraError(said) from error
 
 

@@ -225,6 +225,13 @@ def test_a_broken_build_is_named_in_one_line_with_the_command_that_mends_it(what
     assert line.startswith("fg_mujoco.errors.EngineError: the native core") and said in line and "make native" in line
 
 
+def test_a_command_on_a_broken_build_says_so_in_one_line_and_exits_with_2(tmp_path):
+    code = "import sys; sys.argv = ['fg-mujoco']" + BROKEN.format(what="return types.ModuleType('fg_mujoco._native')")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 2
+    assert re.fullmatch("fg-mujoco: the native core has interface None.*make native.*\n", done.stderr)
+
+
 def is_refused(library, said):
     """Whether a library is named in one line, with the command that mends it."""
     with pytest.raises(EngineError) as refused:
