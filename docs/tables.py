@@ -37,7 +37,7 @@ SCENES = {  # heads of the columns, and their scenes
     "crossing box": ("crossing_box",),
     "others": ("square_corner", "dead_end", "u_turn_trap", "wrong_side_chicane", "slow_leader"),
 }
-SUMMARY = ("oval", "tight", "Spielberg", "ESP", "random:0 to random:19")  # circuits on the first page
+SUMMARY = ("chicanes", "tight", "Spielberg", "ESP", "random:0 to random:19")  # circuits on the first page
 LAPS = ("laps", "lap from a standing start [s]", "best of five laps [s]", "greatest slide [m/s]")
 WITH_A_MAP = ("pure_pursuit",)
 OF_ADDONS = ("overtaker.py", "pure_pursuit.py")
