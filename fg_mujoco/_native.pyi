@@ -534,6 +534,7 @@ def all_trajectories(
     limiter: _Record, settings: _Record, speeds: _Numbers, bearings: _Numbers, distances: _Numbers
 ) -> None:
     """Write bearings [rad] and distances [m] of the points of all braking trajectories that turn left."""
+
 def call_all(calls: _Whole) -> None:
     """Call functions in C, (k, 2): the address of each, and the whole number that it is called with."""
 
@@ -969,9 +970,7 @@ def walk(points: _Numbers, count: int, x: float, y: float, heading: float, path:
 def find_boxes(geometry: _Record, ranges: _Numbers, noise: float, found: _Numbers) -> int:
     """Write where the middles of what may be boxes are, ahead and left of the LiDAR (k, 2) [m]; return how many."""
 
-def watch_cars(
-    memory: _Record, geometry: _Record, ranges: _Numbers, odometry: _Record, lidar_offset: float
-) -> bool:
+def watch_cars(memory: _Record, geometry: _Record, ranges: _Numbers, odometry: _Record, lidar_offset: float) -> bool:
     """Follow what is in a scan (n,) [m], and say whether there is a car; `memory`, OTHER_CARS, is written to."""
 
 def follow_told(
@@ -990,3 +989,16 @@ def predict_cars(memory: _Record, car: _Record, braking: float, predictions: _Re
 
 def take_lane(memory: _Record, own_speed: float, driver: _Record, settings: _Record, reference: _Record) -> None:
     """Write the reference beside the nearest car that is passed, if there is one: a motion, its steering, its speed."""
+
+def sin(x: _Numbers, out: _Numbers) -> None:
+    """Write the sine of each angle [rad]; this and the next are those of fg_mujoco/portable.py, of rows."""
+
+def cos(x: _Numbers, out: _Numbers) -> None: ...
+def tan(x: _Numbers, out: _Numbers) -> None: ...
+def arcsin(x: _Numbers, out: _Numbers) -> None: ...
+def arccos(x: _Numbers, out: _Numbers) -> None: ...
+def exp(x: _Numbers, out: _Numbers) -> None: ...
+def log1p(x: _Numbers, out: _Numbers) -> None: ...
+def arctan2(one: _Numbers, other: _Numbers, out: _Numbers) -> None: ...
+def power(one: _Numbers, other: _Numbers, out: _Numbers) -> None: ...
+def hypot(one: _Numbers, other: _Numbers, out: _Numbers) -> None: ...

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fg_mujoco import portable
 from fg_mujoco.course.course import SLOWEST_RACE
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.obstacles import Box, Cylinder, Obstacle, Prism
@@ -63,9 +64,9 @@ def walls_round(room: ArrayLike) -> tuple[Box, ...]:
     # At a corner of the room the walls meet in a mitre. At one that juts into it they overlap by themselves; where that
     # is sharp their square ends would stand out into the room, behind each other, and are cut off.
     turn = turns(room)
-    reach = np.maximum(np.tan(0.5 * turn), 0.0) * WALL
+    reach = np.maximum(portable.tan(0.5 * turn), 0.0) * WALL
     sharp = turn < -0.5 * math.pi
-    reach[sharp] = WALL / np.tan(turn[sharp] + math.pi) * -1.0
+    reach[sharp] = WALL / portable.tan(turn[sharp] + math.pi) * -1.0
     start, end = room - reach[:, None] * ahead, np.roll(room, -1, axis=0) + np.roll(reach, -1)[:, None] * ahead
     middle = 0.5 * (start + end) + 0.5 * WALL * np.column_stack((ahead[:, 1], -ahead[:, 0]))
     return tuple(
@@ -100,7 +101,7 @@ def rounded_way(corners: ArrayLike, radius: float = CORNER_RADIUS) -> FloatArray
         side = math.copysign(1.0, turn)
         left = np.array([-into[1], into[0]])
         angles = np.linspace(0.0, abs(turn), max(math.ceil(abs(turn) / _ARC_STEP), 1) + 1)[:, None]
-        points.append(first + radius * (np.sin(angles) * into + side * (1.0 - np.cos(angles)) * left))
+        points.append(first + radius * (portable.sin(angles) * into + side * (1.0 - portable.cos(angles)) * left))
     return np.concatenate((*points, corners[-1:]))
 
 

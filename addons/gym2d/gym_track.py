@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fg_mujoco import portable
 from fg_mujoco.course.course import Course
 from fg_mujoco.course.files import is_file, read_text
 from fg_mujoco.course.line_file import LineFile, raceline_columns, read_line_file
@@ -57,7 +58,7 @@ class CubicSpline2D:
     def calc_yaw(self, s: Any) -> Any:
         """Return the heading at a progress, or at each of many [m], from 0 to 2 pi [rad]."""
         dx, dy = self.spline(s, 1).T
-        headings = np.arctan2(dy, dx) % math.tau
+        headings = portable.arctan2(dy, dx) % math.tau
         return headings if np.ndim(s) else float(headings)
 
     def calc_curvature(self, s: Any) -> Any:

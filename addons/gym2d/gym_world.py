@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco import portable
 from fg_mujoco.course.course import Course
 from fg_mujoco.course.projection import follow
 from fg_mujoco.course.standing import off_course, stands_in_something
@@ -335,7 +336,7 @@ class GymWorld(World):
         bearings = np.linspace(-half, half, count)
         increment = self._field_of_view / (count - 1)
         beams = replace(
-            own, directions=np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(count))),
+            own, directions=np.column_stack((portable.cos(bearings), portable.sin(bearings), np.zeros(count))),
             origins=np.zeros((count, 3)), bearings=bearings, angle_min=-half, angle_max=half,
             angle_increment=increment, time_increment=own.period * increment / math.tau,
         )  # fmt: skip

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fg_mujoco import portable
 from fg_mujoco.course.course import Course
 from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError, accepted_names
@@ -376,9 +377,9 @@ class RaceCar:
         sim, params = self._sim, self.params
         self.num_beams, self.fov = sim.num_beams, sim.fov
         self.scan_angles = np.linspace(-0.5 * sim.fov, 0.5 * sim.fov, sim.num_beams)
-        self.cosines = np.cos(self.scan_angles)
+        self.cosines = portable.cos(self.scan_angles)
         with np.errstate(divide="ignore"):  # to the edge of the car, along each beam
-            to_side = 0.5 * params["width"] / np.abs(np.sin(self.scan_angles))
+            to_side = 0.5 * params["width"] / np.abs(portable.sin(self.scan_angles))
             to_end = 0.5 * (params["lf"] + params["lr"]) / np.abs(self.cosines)
         self.side_distances = np.minimum(to_side, to_end)
         self.scan_simulator = ScanSimulator2D(sim.num_beams, sim.fov, seed=sim.seed, sim=sim)

@@ -35,6 +35,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco import portable
 from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray
 from fg_mujoco.native import core, record
 
@@ -164,9 +165,10 @@ slip_angle = core.slip_angle
 
 def _slip_angles(axle: np.void, force: FloatArray) -> FloatArray:
     """Return what `slip_angle` does, of many forces."""
-    linear = axle["C"] == 0.0
-    reached: FloatArray = force if linear else np.tan(np.arcsin(np.minimum(force / axle["D"], _MOST_USE)) / axle["C"])
-    return reached / float(axle["B"])
+    if axle["C"] == 0.0:
+        return force / float(axle["B"])
+    use = np.minimum(force / axle["D"], _MOST_USE)
+    return portable.tan(portable.arcsin(use) / axle["C"]) / float(axle["B"])
 
 
 held_on_arc = core.held_on_arc

@@ -39,7 +39,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import from_addons
+from .. import from_addons, portable
 from ..errors import Note, TrackError
 from ..messages import FloatArray
 from .documents import comment
@@ -214,7 +214,7 @@ def raceline_columns(points: FloatArray, speeds: FloatArray | None) -> dict[str,
     round_line = points[rows]
     ahead = np.gradient(round_line, axis=0)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(round_line, axis=0).T))))
-    columns = [along - along[beyond], *round_line.T, np.arctan2(ahead[:, 1], ahead[:, 0]), _curvature(round_line)]
+    columns = [along - along[beyond], *round_line.T, portable.arctan2(ahead[:, 1], ahead[:, 0]), _curvature(round_line)]
     columns[3] %= 2.0 * math.pi
     if speeds is not None:
         apart = np.append(np.diff(along), 0.0)

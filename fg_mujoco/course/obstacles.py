@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import portable
 from ..arguments import explain_class
 from ..display import brief
 from ..errors import ArgumentError, SettingsError, accepted_names
@@ -72,7 +73,8 @@ class Cylinder:
     def corners(self) -> FloatArray:
         """Footprint, counterclockwise. Shape (24, 2) [m]."""
         angles = np.arange(_CYLINDER_SIDES) * (2.0 * math.pi / _CYLINDER_SIDES)
-        return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
+        around = np.column_stack((portable.cos(angles), portable.sin(angles)))
+        return np.array((self.x, self.y)) + self.radius * around
 
 
 @explain_class

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import portable
 from ..messages import FloatArray
 from ..native import core
 
@@ -41,7 +42,7 @@ def turns(points: FloatArray) -> FloatArray:
     """Change of heading at each point, left positive, within +-pi. Shape (n,) [rad]."""
     after = steps(points)
     before = np.roll(after, 1, axis=0)
-    return np.asarray(np.arctan2(cross(before, after), np.sum(before * after, axis=1)))
+    return np.asarray(portable.arctan2(cross(before, after), np.sum(before * after, axis=1)))
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -188,7 +189,7 @@ def rounded_polygon(corners: FloatArray, radii: FloatArray, spacing: float = 0.0
     angle = turns(corners)
     after = steps(corners) / step_lengths(corners)[:, None]
     before = np.roll(after, 1, axis=0)
-    reach = radii * np.tan(np.abs(angle) / 2.0)  # from the corner to where its arc begins and ends
+    reach = radii * portable.tan(np.abs(angle) / 2.0)  # from the corner to where its arc begins and ends
     if np.any(reach + np.roll(reach, -1) > step_lengths(corners) + 1e-9):
         raise ValueError("the arcs of two corners overlap")
     pieces = []
@@ -196,7 +197,7 @@ def rounded_polygon(corners: FloatArray, radii: FloatArray, spacing: float = 0.0
         count = max(1, math.ceil(radius * abs(turn) / spacing))
         swept = turn * np.arange(count + 1) / count if radius > 0.0 else np.zeros(1)
         left = math.copysign(1.0, turn) * np.array([-inward[1], inward[0]])
-        arc = radius * (np.sin(np.abs(swept))[:, None] * inward + (1.0 - np.cos(swept))[:, None] * left)
+        arc = radius * (portable.sin(np.abs(swept))[:, None] * inward + (1.0 - portable.cos(swept))[:, None] * left)
         pieces.append(corner - start * inward + arc)
     points = np.roll(np.concatenate(pieces), 1 - len(pieces[0]), axis=0)
     return points[step_lengths(points) > 1e-9]
@@ -210,7 +211,7 @@ def smooth(points: FloatArray, sigma: float, spacing: float) -> FloatArray:
     (even,) = resample(points, spacing)
     length = float(step_lengths(even).sum())
     waves = np.fft.rfftfreq(len(even), d=length / len(even))  # [1/m]
-    kernel = np.exp(-2.0 * (np.pi * sigma * waves) ** 2)  # the transform of a Gaussian
+    kernel = portable.exp(-2.0 * (np.pi * sigma * waves) ** 2)  # the transform of a Gaussian
     return np.fft.irfft(np.fft.rfft(even, axis=0) * kernel[:, None], n=len(even), axis=0)
 
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import portable
 from ..messages import FloatArray
 from ..native import core
 from .polyline import IndexArray, cross, nearby, runs
@@ -110,11 +111,11 @@ def _is_tight(lap: FloatArray, period: float | None, reach: FloatArray, side: fl
     """Return at which starts of segments the line turns to a side so that a line there, `reach` away, would fold."""
     ahead, lengths = lap[3:5].T, np.sqrt(lap[5])
     before = np.roll(ahead, 1, axis=0)
-    turn = side * np.arctan2(cross(before, ahead), np.sum(before * ahead, axis=1))
+    turn = side * portable.arctan2(cross(before, ahead), np.sum(before * ahead, axis=1))
     if period is None:
         turn[0] = 0.0
     step = 0.5 * (lengths + np.roll(lengths, 1))
-    return np.asarray(reach * np.tan(0.5 * turn) > np.minimum(0.5 * step, _LEAP))
+    return np.asarray(reach * portable.tan(0.5 * turn) > np.minimum(0.5 * step, _LEAP))
 
 
 def _section_ends(fine: FloatArray, period: float | None, wall: FloatArray, side: float, reach: float) -> FloatArray:

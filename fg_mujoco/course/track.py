@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import portable
 from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
@@ -150,8 +151,8 @@ class Track(Shown):
     @cached_property
     def headings(self) -> FloatArray:
         """Heading at each point: between those of its two segments. Shape (n,) [rad] in +-pi, read-only."""
-        heading = np.arctan2(*steps(self.centreline).T[::-1]) - 0.5 * turns(self.centreline)
-        return read_only(np.arctan2(np.sin(heading), np.cos(heading)))
+        heading = portable.arctan2(*steps(self.centreline).T[::-1]) - 0.5 * turns(self.centreline)
+        return read_only(portable.arctan2(portable.sin(heading), portable.cos(heading)))
 
     @cached_property
     def curvature(self) -> FloatArray:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import portable
 from ..messages import FloatArray
 from .polyline import crossings, segments, step_lengths, steps, turns
 
@@ -22,7 +23,7 @@ Surface = tuple[FloatArray, NDArray[np.intp]]
 WALL_HEIGHT = 0.3  # [m] over the LiDAR's beams; the air ducts of RoboRacer tracks are 0.2 to 0.33 m
 WALL_THICKNESS = 0.05  # [m] 2.5 times what a car at 8 m/s moves in a physics step of 2.5 ms
 
-_MAX_LEAN = np.tan(np.deg2rad(60.0))  # of an end that leans out, behind a corner: a longer spike serves nobody
+_MAX_LEAN = portable.tan(np.deg2rad(60.0))  # of an end that leans out, behind a corner: a longer spike serves nobody
 _TAPER = 0.8  # share of the height at which leaning ends would meet that a piece may have
 _HALVINGS = 40  # of a piece's thickness, from 5 cm to less than a float can tell apart
 
@@ -72,7 +73,7 @@ def wall_footprints(wall: FloatArray, thickness: float = WALL_THICKNESS) -> Floa
     """
     lengths = step_lengths(wall)
     ahead = steps(wall) / lengths[:, None]
-    lean = np.minimum(-np.tan(0.5 * turns(wall)), _MAX_LEAN)  # of the ends at each point, out positive
+    lean = np.minimum(-portable.tan(0.5 * turns(wall)), _MAX_LEAN)  # of the ends at each point, out positive
     lean_end = np.roll(lean, -1)
     depth = np.full(len(wall), thickness)
     narrowing = -(lean + lean_end)

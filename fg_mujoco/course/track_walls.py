@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import portable
 from ..errors import TrackError
 from ..messages import FloatArray, read_only
 from .polyline import (
@@ -118,8 +119,8 @@ def _share(
 def _offset(line: FloatArray, widths: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return points (n, 2) to the left of a line, a width away from both segments at each, and half its turns (n,)."""
     half_turn = 0.5 * turns(line)
-    heading = np.arctan2(*steps(line).T[::-1]) - half_turn  # of the bisector at each point
-    mitre = np.column_stack((-np.sin(heading), np.cos(heading))) / np.cos(half_turn)[:, None]
+    heading = portable.arctan2(*steps(line).T[::-1]) - half_turn  # of the bisector at each point
+    mitre = np.column_stack((-portable.sin(heading), portable.cos(heading))) / portable.cos(half_turn)[:, None]
     return line + widths[:, None] * mitre, half_turn
 
 
@@ -165,7 +166,7 @@ def _covered(
     aside = cross(ahead, points - line[j])
     share = np.clip(along / lengths[j], 0.0, 1.0)
     edge = (1.0 - share) * widths[j] + share * np.roll(widths, -1)[j]
-    lean = np.maximum(-np.tan(half_turn), 0.0)
+    lean = np.maximum(-portable.tan(half_turn), 0.0)
     between = (along >= -lean[j] * aside) & (along <= lengths[j] + np.roll(lean, -1)[j] * aside)
     return np.asarray(between & (aside > 0.0) & (aside < edge + beyond))
 

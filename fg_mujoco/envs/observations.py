@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import portable
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, shown
 from ..registry import Registry
@@ -232,7 +233,7 @@ def curvature(state: SensedState) -> FloatArray:
 def slip(state: SensedState) -> FloatArray:
     """Speed of the front and of the rear axle across their wheels, left positive [m/s]. A car does not know it."""
     angle, rear = state.odometry["steering_angle"], state.lateral_speed
-    front = (rear + state.car.wheelbase * state.yaw_rate) * np.cos(angle) - state.speed * np.sin(angle)
+    front = (rear + state.car.wheelbase * state.yaw_rate) * portable.cos(angle) - state.speed * portable.sin(angle)
     return np.stack((front, rear), axis=1)
 
 

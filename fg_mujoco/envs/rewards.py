@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import portable
 from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, shown
 from ..registry import Registry
@@ -64,7 +65,7 @@ def collision(state: TickState) -> FloatArray:
 @reward
 def impact(state: TickState) -> FloatArray:
     """Speed at the start of the tick in which `collision` is -1, negative [m/s]: a slower crash costs less."""
-    speed = np.hypot(state.before.velocity[:, 0], state.before.velocity[:, 1])
+    speed = portable.hypot(state.before.velocity[:, 0], state.before.velocity[:, 1])
     return np.where(state.crashed | state.rolled_over, -speed, 0.0)
 
 
@@ -112,12 +113,13 @@ def drift(state: TickState) -> FloatArray:
     full from 0.6 to 1.2 rad, no more from 1.57 rad on, backward; speed from 0.5 m/s, in full from 2 m/s.
     """
     ahead, left = state.speed, state.lateral_speed + state.car.rear_axle_distance * state.yaw_rate
-    angle = np.abs(np.arctan2(left, ahead))
+    angle = np.abs(portable.arctan2(left, ahead))
     least, full, most = DRIFT_ANGLES
     rising, falling = (angle - least) / (full - least), (0.5 * math.pi - angle) / (0.5 * math.pi - most)
     sideslip = np.clip(np.minimum(rising, falling), 0.0, 1.0)
     slow, fast = DRIFT_SPEEDS
-    found: FloatArray = state.period * sideslip * np.clip((np.hypot(ahead, left) - slow) / (fast - slow), 0.0, 1.0)
+    pace = np.clip((portable.hypot(ahead, left) - slow) / (fast - slow), 0.0, 1.0)
+    found: FloatArray = state.period * sideslip * pace
     return found
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import portable
 from ..errors import SettingsError
 from ..messages import FloatArray, Reading
 from ..racing.randomization import Randomization
@@ -223,7 +224,7 @@ class Worlds:
         engine, running = self.engine, self.monitor.running
         telemetry = engine.telemetry[self.rows]
         np.divide(telemetry[:, _SLIDING_STEPS], engine.substeps, out=self.sliding, where=running)
-        np.hypot(telemetry[:, _AHEAD], telemetry[:, _LEFT], out=self.speeds)
+        self.speeds[:] = portable.hypot(telemetry[:, _AHEAD], telemetry[:, _LEFT])
         if self._states is not None:
             self._states.drive(engine.running)
 

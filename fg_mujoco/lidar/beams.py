@@ -12,6 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from .. import portable
 from ..arguments import explain_class
 from ..course.files import read_text
 from ..course.mjcf import MOST_MJCF, checked_mjcf, show_as_drawn
@@ -149,7 +150,7 @@ class LidarModel:
         directions = np.empty((model.nsensor, 3))
         for direction, site in zip(directions, model.sensor_objid, strict=True):
             mujoco.mju_rotVecQuat(direction, np.array([0.0, 0.0, 1.0]), model.site_quat[site])
-        bearings = np.arctan2(directions[:, 1], directions[:, 0])
+        bearings = portable.arctan2(directions[:, 1], directions[:, 0])
         increment = float(bearings[-1] - bearings[0]) / (model.nsensor - 1)
         period = float(model.sensor_interval[0, 0])
         return Beams(

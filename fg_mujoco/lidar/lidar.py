@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import mujoco
 import numpy as np
 
+from .. import portable
 from ..arguments import Uncopied, explain_class
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
@@ -129,7 +130,7 @@ class RaycastLidar(Uncopied):
         readings = np.empty(len(bearings))
         step = (bearings[-1] - bearings[0]) / max(len(bearings) - 1, 1)
         limits = np.array((bearings[0], step or self.beams.angle_increment, self.beams.range_min, self.beams.range_max))
-        scene = self._scene.along(np.stack((np.cos(bearings), np.sin(bearings))), limits)
+        scene = self._scene.along(np.stack((portable.cos(bearings), portable.sin(bearings))), limits)
         core.scan_poses(scene, self._scratch, positions, rotations, readings)
         return readings
 

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import portable
 from ..errors import SettingsError
 from ..messages import FloatArray, LaserScan
 from ..native import core
@@ -161,7 +162,7 @@ class PoseHistory:
         first, second = quaternions[before], quaternions[after]
         cosine = np.einsum("ij,ij->i", first, second)[:, np.newaxis]
         second = np.where(cosine < 0.0, -second, second)  # the short way round
-        angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
+        angle = portable.arccos(np.minimum(np.abs(cosine), 1.0))
         # np.sinc(x / pi) is sin(x) / x, and 1 at 0.
         weights = [part * np.sinc(part * angle / math.pi) / np.sinc(angle / math.pi) for part in (1.0 - share, share)]
         return position, weights[0] * first + weights[1] * second

@@ -24,6 +24,7 @@ from typing import Any, Protocol, cast
 import mujoco
 import numpy as np
 
+from .. import portable
 from ..errors import ControllerError, FgMujocoError, RunFolderError, SettingsError, TrackError
 from ..lidar.effects import LidarEffects
 from ..messages import Controller, DriveCommand, FloatArray, LaserScan, Odometry
@@ -252,7 +253,7 @@ def _other_car(sensed: Sensed) -> OtherCar:
 
 def _heading(quaternion: FloatArray) -> float:
     w, x, y, z = quaternion.tolist()
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return float(portable.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def _sense(engine: Engine) -> tuple[Sensed, ...]:

@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import portable
 from ..arguments import explain_class
 from ..display import brief, changed
 from ..errors import ModelError, SettingsError
@@ -217,7 +218,7 @@ def footprint(pose: FloatArray, car: CarParameters) -> FloatArray:
 
 def _axes(headings: FloatArray) -> FloatArray:
     """Return the directions ahead of cars, and those to their left. Shape (2 k, 2)."""
-    cos, sin = np.cos(headings), np.sin(headings)
+    cos, sin = portable.cos(headings), portable.sin(headings)
     return np.concatenate((np.column_stack((cos, sin)), np.column_stack((-sin, cos))))
 
 

@@ -19,6 +19,7 @@ void bind_realcar(nanobind::module_& module);
 void bind_records(nanobind::module_& module);
 void bind_safety(nanobind::module_& module);
 void bind_simulation(nanobind::module_& module);
+void bind_transcendental(nanobind::module_& module);
 void bind_vehicle(nanobind::module_& module);
 
 }  // namespace fg

@@ -17,6 +17,7 @@ NB_MODULE(_native, module) {
     fg::bind_safety(module);
     fg::bind_vehicle(module);
     fg::bind_simulation(module);
+    fg::bind_transcendental(module);
     fg::bind_drivers(module);
     fg::bind_racing_drivers(module);
     fg::bind_envs(module);

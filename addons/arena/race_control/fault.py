@@ -24,6 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fg_mujoco import portable
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray, read_only
 
@@ -132,7 +133,7 @@ class Approach:
 
     def half_size(self, turned: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return half of what the chassis takes up along and across a direction it is turned from [rad]. (k,) [m]."""
-        cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
+        cos, sin = np.abs(portable.cos(turned)), np.abs(portable.sin(turned))
         return 0.5 * (self.length * cos + self.width * sin), 0.5 * (self.length * sin + self.width * cos)
 
     @cached_property
@@ -229,7 +230,7 @@ class _Meeting:
         turned = np.remainder(second.heading - first.heading + math.pi, 2.0 * math.pi) - math.pi
         mean = np.where(np.abs(turned) <= ALIKE, first.heading + 0.5 * turned, 0.0)
         sizes = [car.half_size(car.heading - mean) for car in self.cars]
-        cos, sin = np.cos(mean), np.sin(mean)
+        cos, sin = portable.cos(mean), portable.sin(mean)
         return (
             np.abs(along * cos + across * sin) - sizes[0][0] - sizes[1][0],
             np.abs(across * cos - along * sin) - sizes[0][1] - sizes[1][1],

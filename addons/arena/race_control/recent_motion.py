@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco import portable
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.simulation.cars import footprint
 from fg_mujoco.simulation.engine import Engine
@@ -178,7 +179,7 @@ class RecentMotion:
         course, parameters = self._engine.world_of(self._world).track, self._car(car)
         poses = np.vstack((self._kept[ticks, car][:, _COLUMNS[:3]], self._pose(car, lasted)))
         ahead = 0.5 * parameters.length - parameters.rear_overhang
-        points = poses[:, :2] + ahead * np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
+        points = poses[:, :2] + ahead * np.column_stack((portable.cos(poses[:, 2]), portable.sin(poses[:, 2])))
         along, across = np.empty(len(points)), np.empty(len(points))
         near = float(self._engine.monitor.timers["place"][self._rows][car])
         for i in range(len(points) - 1, -1, -1):  # each is near the one after it
@@ -193,7 +194,7 @@ class RecentMotion:
     def _line(self) -> tuple[FloatArray, FloatArray]:
         """The middles of the segments of the course's line, by progress [m], and their directions, unwrapped [rad]."""
         starts, _, _, dx, dy, squared = self._engine.world_of(self._world).track.table[:6]  # without sections of bends
-        return starts + 0.5 * np.sqrt(squared), np.unwrap(np.arctan2(dy, dx))
+        return starts + 0.5 * np.sqrt(squared), np.unwrap(portable.arctan2(dy, dx))
 
     def _directions(self, s: FloatArray) -> FloatArray:
         """Return the direction of the course at places on its line [rad]: evenly from one segment to the next."""

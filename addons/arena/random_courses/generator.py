@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from fg_mujoco import portable
 from fg_mujoco.arguments import explain_class
 from fg_mujoco.course.polyline import resample, rounded_polygon, smooth, step_lengths, turns
 from fg_mujoco.course.track import Track
@@ -131,7 +132,7 @@ def _outline(rng: np.random.Generator, cell: float, length: float) -> FloatArray
         if not open_cells:
             break
         neighbours = np.array([sum((i + di, j + dj) in patch for di, dj in SIDES) for i, j in open_cells])
-        weight = np.exp(-fingers * (neighbours - 1.0))
+        weight = portable.exp(-fingers * (neighbours - 1.0))
         patch.add(open_cells[rng.choice(len(open_cells), p=weight / weight.sum())])
         corners = _corners(patch, edges)
     return corners
@@ -177,14 +178,14 @@ def _bend(rng: np.random.Generator, line: FloatArray) -> FloatArray:
     extent = float(np.ptp(line, axis=0).max())
     gradient, phase = rng.uniform(0.0, _MAX_BEND, 2), rng.uniform(0.0, 2.0 * math.pi, 2)
     wave = 2.0 * math.pi / (extent * rng.uniform(0.8, 1.6, 2))
-    return line + (gradient / wave) * np.sin(wave * line[:, ::-1] + phase)
+    return line + (gradient / wave) * portable.sin(wave * line[:, ::-1] + phase)
 
 
 def _wander(rng: np.random.Generator, count: int) -> FloatArray:
     """Smooth periodic noise within +-1: three harmonics. Shape (count,)."""
     angle = 2.0 * math.pi * np.arange(count) / count
     size, phase = rng.dirichlet(np.ones(3)), rng.uniform(0.0, 2.0 * math.pi, 3)
-    return np.asarray(np.sum(size * np.sin(np.arange(1, 4) * angle[:, None] + phase), axis=1))
+    return np.asarray(np.sum(size * portable.sin(np.arange(1, 4) * angle[:, None] + phase), axis=1))
 
 
 def start_on_longest_straight(line: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from fg_mujoco import portable
 from fg_mujoco.course.clearance import least_clearance
 from fg_mujoco.course.course import outline
 from fg_mujoco.errors import SettingsError
@@ -219,7 +220,7 @@ class FollowsWall(OnTheWay):
         if not len(poses):
             return False, f"only {drive.progress:.1f} m driven"
         ahead = drive.result.world.parameters.lidar_offset
-        lidar = poses[:, :2] + ahead * np.stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])), axis=1)
+        lidar = poses[:, :2] + ahead * np.stack((portable.cos(poses[:, 2]), portable.sin(poses[:, 2])), axis=1)
         found = nearest_distances(lidar, outline(edges[0 if self.side == "left" else 1]))
         share = float(np.mean(np.abs(found - self.distance_m) <= self.within_m))
         low, high = np.quantile(found, (0.05, 0.95)).tolist()

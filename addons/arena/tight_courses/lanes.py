@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco import portable
 from fg_mujoco.course.polyline import cross, step_lengths, steps, subdivide, turns
 from fg_mujoco.course.track import Track
 from fg_mujoco.messages import FloatArray
@@ -119,8 +120,8 @@ class Lane:
           phase: p and q [rad], shape (2,).
         """
         angle = wave * self.line[:, ::-1] + phase
-        line = self.line + gradient / wave * np.sin(angle)
-        slope = gradient * np.cos(angle)  # the derivatives of x by y and of y by x
+        line = self.line + gradient / wave * portable.sin(angle)
+        slope = gradient * portable.cos(angle)  # the derivatives of x by y and of y by x
         ahead = np.roll(self.line, -1, axis=0) - np.roll(self.line, 1, axis=0)
         ahead /= np.hypot(*ahead.T)[:, None]
         stretched = np.hypot(*(ahead + slope * ahead[:, ::-1]).T)
@@ -171,7 +172,7 @@ def lane(around: Outline, *, radii: FloatArray, right: FloatArray, left: FloatAr
         vertex = math.atan2(radii[c] + outer[c], radii[c] + outer[b])  # where a square corner of the outer wall is
         count = 1 + max(2, math.ceil(0.5 * math.pi * radii[c] / SPACING))
         angle = np.union1d(np.linspace(0.0, 0.5 * math.pi, count), vertex)
-        arc = np.outer(np.sin(angle), after[b]) - np.outer(np.cos(angle), after[c])
+        arc = np.outer(portable.sin(angle), after[b]) - np.outer(portable.cos(angle), after[c])
         arc = corners[c] + radii[c] * (after[c] - after[b] + arc)
         wide_outer = _outer_wall(angle, radii[c] + outer[b], radii[c] + outer[c], squareness[c]) - radii[c]
         inner = left if turned[c] > 0.0 else right
@@ -194,7 +195,7 @@ def _outer_wall(angle: FloatArray, before: float, after: float, squareness: floa
       after: to that behind it [m].
       squareness: 0: the arc is as large as there is room for; 1: there is none.
     """
-    cos, sin = np.cos(angle), np.sin(angle)
+    cos, sin = portable.cos(angle), portable.sin(angle)
     straight = before * after / np.maximum(after * cos, before * sin)  # the nearer of before / cos and after / sin
     radius = (1.0 - squareness) * min(before, after)
     x, y = before - radius, after - radius  # the middle of the arc of the wall
@@ -275,10 +276,10 @@ def with_boxes(lane: Lane, start: float, end: float, blocks: Sequence[Block]) ->
     line = straight.points(along, _weave(along, knots))
 
     before, behind = lane.arc_length <= start, lane.arc_length >= end
-    heading = np.arctan2(*np.diff(np.vstack((lane.line[before][-1], line, lane.line[behind][0])), axis=0).T[::-1])
+    heading = portable.arctan2(*np.diff(np.vstack((lane.line[before][-1], line, lane.line[behind][0])), axis=0).T[::-1])
     turn = np.diff(heading)
-    heading = heading[:-1] + 0.5 * np.arctan2(np.sin(turn), np.cos(turn))  # as `Track.headings`
-    aside = np.column_stack((-np.sin(heading), np.cos(heading)))
+    heading = heading[:-1] + 0.5 * portable.arctan2(portable.sin(turn), portable.cos(turn))  # as `Track.headings`
+    aside = np.column_stack((-portable.sin(heading), portable.cos(heading)))
     right, left = _distances(line, -aside, right_wall), _distances(line, aside, left_wall)
     return Lane(
         line=np.concatenate((lane.line[before], line, lane.line[behind])),
@@ -331,7 +332,7 @@ def _weave(along: FloatArray, knots: Sequence[tuple[float, float]]) -> FloatArra
     x, y = np.array(knots).T
     k = np.clip(np.searchsorted(x, along, side="right") - 1, 0, len(x) - 2)
     share = np.clip((along - x[k]) / (x[k + 1] - x[k]), 0.0, 1.0)
-    return np.asarray(y[k] + 0.5 * (y[k + 1] - y[k]) * (1.0 - np.cos(math.pi * share)))
+    return np.asarray(y[k] + 0.5 * (y[k + 1] - y[k]) * (1.0 - portable.cos(math.pi * share)))
 
 
 def _distances(points: FloatArray, directions: FloatArray, wall: FloatArray) -> FloatArray:

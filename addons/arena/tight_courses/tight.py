@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from fg_mujoco import portable
 from fg_mujoco.course.polyline import step_lengths, turns
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import TrackError
@@ -203,7 +204,7 @@ def _grow(rng: np.random.Generator, count: int, fingers: float, *, only_at_end: 
         if not free:
             break
         touching = np.array([sum((i + di, j + dj) in cells for di, dj in SIDES) for i, j in free])
-        weight = np.exp(-fingers * (touching - 1.0))
+        weight = portable.exp(-fingers * (touching - 1.0))
         cells.append(free[rng.choice(len(free), p=weight / weight.sum())])
     return _at_zero(set(cells))
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fg_mujoco import portable
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, FrictionLimiterSettings
 from fg_mujoco.controllers.safety.line_optimizer import Grip, limited_grip
 from fg_mujoco.course.clearance import clearances
@@ -192,7 +193,7 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
     limits = GripLimits(grip=grip)
     speeds = fastest_speeds(line, limits)
     ahead = np.roll(line.points, -1, axis=0) - np.roll(line.points, 1, axis=0)
-    headings = np.arctan2(ahead[:, 1], ahead[:, 0])
+    headings = portable.arctan2(ahead[:, 1], ahead[:, 0])
     standing = np.concatenate([outline(each) for each in (*course.edges, *(solid.corners() for solid in ground.boxes))])
     reach = car.length + float((course.corridor_left + course.corridor_right).max())
     clear = _clearances(np.column_stack((line.points, headings)), standing, car, reach)

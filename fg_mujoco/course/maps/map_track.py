@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from ... import portable
 from ...errors import TrackError, accepted_names
 from ...messages import FloatArray, read_only
 from ..centreline_csv import DIRECTIONS, Direction, read_points, read_settings
@@ -324,7 +325,7 @@ def _smooth_way(way: FloatArray, sigma: float) -> FloatArray:
     share = np.arange(2 * count) / count  # in ways; the line less its mean advance is periodic
     even = np.column_stack([np.interp(share * length, at, loop[:, axis]) for axis in range(2)]) - share[:, None] * ahead
     waves = np.fft.rfftfreq(len(even), d=length / count)
-    gaussian = np.exp(-2.0 * (np.pi * sigma * waves) ** 2)[:, None]
+    gaussian = portable.exp(-2.0 * (np.pi * sigma * waves) ** 2)[:, None]
     smoothed = np.fft.irfft(np.fft.rfft(even, axis=0) * gaussian, n=len(even), axis=0) + share[:, None] * ahead
     return np.asarray(smoothed[: count + 1])
 

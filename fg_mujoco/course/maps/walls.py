@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ... import portable
 from ...messages import FloatArray
 from ..polyline import IndexArray, distance_to_segment, enclosed_area, self_crossings, simplify
 from .map_server import BoolArray
@@ -72,7 +73,7 @@ def trace(outline: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
 def _smoothed(outline: FloatArray, most: float) -> FloatArray:
     """Return the points of an outline, averaged with their neighbours, but none moved by more than `most` [pixel]."""
     waves = np.fft.rfftfreq(len(outline))
-    gaussian = np.exp(-2.0 * (np.pi * _SMOOTHING * waves) ** 2)
+    gaussian = portable.exp(-2.0 * (np.pi * _SMOOTHING * waves) ** 2)
     move = np.fft.irfft(np.fft.rfft(outline, axis=0) * gaussian[:, None], n=len(outline), axis=0) - outline
     length = np.hypot(*move.T)[:, None]
     return np.asarray(outline + move * np.minimum(1.0, most / np.maximum(length, 1e-12)))

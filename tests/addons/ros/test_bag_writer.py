@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 import fg_mujoco as fg
 from bag_worlds import decoded
 from cases import each
+from fg_mujoco import portable
 from fg_mujoco.addons.ros.bag_messages import heading_of
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
@@ -107,7 +108,7 @@ def test_odometry_read_by_another_library_is_that_of_the_telemetry(messages, fol
         assert odometry.pose.pose.position.y == run.column("y_m")[i]
         assert odometry.pose.pose.position.z == pytest.approx(0.0486, abs=5e-3)  # base_link is the axle, not the ground
         turn = odometry.pose.pose.orientation
-        heading = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
+        heading = portable.arctan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
         assert heading == run.column("heading_rad")[i]
         assert odometry.twist.twist.linear.x == pytest.approx(run.column("speed_m_s")[i], abs=0.3)  # wheels slip
         assert odometry.twist.twist.angular.z == run.column("yaw_rate_rad_s")[i]
