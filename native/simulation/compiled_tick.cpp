@@ -236,6 +236,29 @@ void keep(const WorldArrays& worlds, Row<const ArrayPlace> kept) {
     ticks[0] = tick + 1;
 }
 
+// Read the odometry of the cars `which` (r,), and write what their LiDARs measure, where scans are drawn.
+void sense(const WorldArrays& worlds, Row<const bool> which) {
+    read(worlds, which);
+    if (worlds.scene.beams.rows == 0) return;
+    const std::int64_t cars_per_world = worlds.places.cars_per_world, first_qpos = worlds.places.layout.qpos[0];
+    const MovingBodies moving(worlds);
+    double position[3], rotation[3][3];
+    std::int64_t placed = -1;
+    for (std::int64_t row = 0; row < which.length; ++row) {
+        if (!which[row]) continue;
+        const std::int64_t world = row / cars_per_world, car = row - world * cars_per_world;
+        if (world != placed) moving.place(world);
+        placed = world;
+        const CarPlaces& own = worlds.car_places[car];
+        const Numbers state = worlds.states[world];
+        const std::int64_t first = first_qpos + own.mount;
+        mounted_pose(state.part(first, first + 3), state.part(first + 3, first + 7), own.level != 0,
+                     worlds.offset_positions[car], worlds.offset_rotations[car], fg::row(position), table(rotation));
+        scan(worlds.scene, worlds.scene_scratch, fg::row(position), table(rotation), moving.positions(),
+             moving.rotations(), worlds.ranges[row], static_cast<int>(own.tree));
+    }
+}
+
 // Sense, decide, drive, judge; return how it ended. `goes_on`: who has no number waits; else nobody is driven.
 TickEnd tick(const WorldArrays& worlds, Table<const std::int64_t> calls, double limit, Row<const ArrayPlace> kept,
              double& took, Row<bool> waiting, bool goes_on) {
@@ -340,28 +363,6 @@ void read(const WorldArrays& worlds, Row<const bool> which) {
         const Numbers qpos = worlds.qpos(world), qvel = worlds.qvel(world);
         read_odometry(time, qpos, qvel, worlds.sensors[world], car, worlds.odometry.part(row, row + 1));
         begin_row(time, qpos, qvel, car, worlds.timers, row, worlds.telemetry[row]);
-    }
-}
-
-void sense(const WorldArrays& worlds, Row<const bool> which) {
-    read(worlds, which);
-    if (worlds.scene.beams.rows == 0) return;
-    const std::int64_t cars_per_world = worlds.places.cars_per_world, first_qpos = worlds.places.layout.qpos[0];
-    const MovingBodies moving(worlds);
-    double position[3], rotation[3][3];
-    std::int64_t placed = -1;
-    for (std::int64_t row = 0; row < which.length; ++row) {
-        if (!which[row]) continue;
-        const std::int64_t world = row / cars_per_world, car = row - world * cars_per_world;
-        if (world != placed) moving.place(world);
-        placed = world;
-        const CarPlaces& own = worlds.car_places[car];
-        const Numbers state = worlds.states[world];
-        const std::int64_t first = first_qpos + own.mount;
-        mounted_pose(state.part(first, first + 3), state.part(first + 3, first + 7), own.level != 0,
-                     worlds.offset_positions[car], worlds.offset_rotations[car], fg::row(position), table(rotation));
-        scan(worlds.scene, worlds.scene_scratch, fg::row(position), table(rotation), moving.positions(),
-             moving.rotations(), worlds.ranges[row], static_cast<int>(own.tree));
     }
 }
 

@@ -129,9 +129,6 @@ enum class TickEnd : std::int64_t { driven, late, no_numbers };
 // Write the odometry of the cars `which` (r,), and the first columns of their rows of telemetry.
 void read(const WorldArrays& worlds, Row<const bool> which);
 
-// Read the odometry of the cars `which` (r,), and write what their LiDARs measure, where scans are drawn.
-void sense(const WorldArrays& worlds, Row<const bool> which);
-
 // Let `step` do steps `first` up to `end` of a tick in the first `count` worlds of `ids`.
 void begin_steps(const WorldArrays& worlds, std::int64_t count, std::int64_t first, std::int64_t end, bool advance);
 

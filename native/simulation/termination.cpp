@@ -20,6 +20,27 @@ bool is_unstable(Row<const std::int32_t> warnings) {
     return unstable;
 }
 
+// Return the same on a course without end, where a car may stand or turn, and is finished when its time is over.
+std::int64_t end_of_endless(bool unstable, bool crashed, bool rolled_over, double time, double last_time) {
+    if (unstable) return reason::unstable;
+    if (crashed) return reason::crash;
+    if (rolled_over) return reason::rolled_over;
+    return time >= last_time ? reason::finished : reason::goes_on;
+}
+
+// Return the number of why a race is over; `last_time` [s] is half a tick early.
+std::int64_t end_reason(bool unstable, bool crashed, bool rolled_over, std::int64_t laps_completed, std::int64_t laps,
+                        double back, double time, double last_progress_time, double last_time) {
+    if (unstable) return reason::unstable;
+    if (crashed) return reason::crash;
+    if (rolled_over) return reason::rolled_over;
+    if (laps_completed >= laps) return reason::finished;
+    if (back >= wrong_way_limit) return reason::wrong_way;
+    if (time - last_progress_time >= no_progress_limit) return reason::no_progress;
+    if (time >= last_time) return reason::time_limit;
+    return reason::goes_on;
+}
+
 }  // namespace
 
 void judge_cars(Row<bool> running, Row<std::int64_t> reasons, std::int64_t cars_per_world, Matrix states,
@@ -52,25 +73,6 @@ void judge_cars(Row<bool> running, Row<std::int64_t> reasons, std::int64_t cars_
                                     : end_of_endless(unstable, crashed[row], rolled_over, time, last_time);
         running[row] = reasons[row] == reason::goes_on;
     }
-}
-
-std::int64_t end_reason(bool unstable, bool crashed, bool rolled_over, std::int64_t laps_completed, std::int64_t laps,
-                        double back, double time, double last_progress_time, double last_time) {
-    if (unstable) return reason::unstable;
-    if (crashed) return reason::crash;
-    if (rolled_over) return reason::rolled_over;
-    if (laps_completed >= laps) return reason::finished;
-    if (back >= wrong_way_limit) return reason::wrong_way;
-    if (time - last_progress_time >= no_progress_limit) return reason::no_progress;
-    if (time >= last_time) return reason::time_limit;
-    return reason::goes_on;
-}
-
-std::int64_t end_of_endless(bool unstable, bool crashed, bool rolled_over, double time, double last_time) {
-    if (unstable) return reason::unstable;
-    if (crashed) return reason::crash;
-    if (rolled_over) return reason::rolled_over;
-    return time >= last_time ? reason::finished : reason::goes_on;
 }
 
 }  // namespace fg

@@ -23,11 +23,4 @@ void judge_cars(Row<bool> running, Row<std::int64_t> reasons, std::int64_t cars_
                 Row<const bool> crashed, Row<LapTimer> timers, Table<double> lap_times, Row<double> standing_since,
                 Matrix table, double length, double modulus, double stop_time, std::int64_t laps, double last_time);
 
-// Return the number of why a race is over; `last_time` [s] is half a tick early.
-std::int64_t end_reason(bool unstable, bool crashed, bool rolled_over, std::int64_t laps_completed, std::int64_t laps,
-                        double back, double time, double last_progress_time, double last_time);
-
-// Return the same on a course without end, where a car may stand or turn, and is finished when its time is over.
-std::int64_t end_of_endless(bool unstable, bool crashed, bool rolled_over, double time, double last_time);
-
 }  // namespace fg

@@ -44,8 +44,7 @@ double servo_slope(const mjModel* model, const mjData* data, const Gear& gear) {
     return slope;
 }
 
-}  // namespace
-
+// Add to MuJoCo's inertia what takes joint damping implicitly, and keep joints that are put where they belong.
 void damp_inertia(const mjModel* model, mjData* data, const Inertia& inertia, Row<const Gear> gears, std::int64_t dofs,
                   double timestep) {
     for (int dof = 0; dof < dofs; ++dof) diagonal(data, inertia, dof) += timestep * damping_slope(model, data, dof);
@@ -62,6 +61,7 @@ void damp_inertia(const mjModel* model, mjData* data, const Inertia& inertia, Ro
     mujoco.mj_projectConstraint(model, data);
 }
 
+// Add to the inertia, `share` [s] times, what constraints lack, damping of steerings of MuJoCo's; false: none.
 bool damp_steering(const mjModel* model, mjData* data, const Inertia& inertia, Row<const Gear> gears, double share) {
     bool any_handed = false;
     for (int car = 0; car < gears.size(); ++car) {
@@ -78,6 +78,7 @@ bool damp_steering(const mjModel* model, mjData* data, const Inertia& inertia, R
     return any_handed;
 }
 
+// Add the tires' rolling resistance to MuJoCo's passive forces.
 void resist_rolling(mjData* data, Row<const Tire> tires, Row<const TireState> own, std::int64_t dofs) {
     const Row<double> qvel{data->qvel, dofs}, passive{data->qfrc_passive, dofs};
     for (int k = 0; k < tires.size(); ++k) {
@@ -89,6 +90,7 @@ void resist_rolling(mjData* data, Row<const Tire> tires, Row<const TireState> ow
     }
 }
 
+// Add a car's drag to MuJoCo's passive forces: in proportion to the velocity of its centre of gravity.
 void resist_air(mjData* data, const Gear& gear, std::int64_t dofs) {
     const auto first = gear.free_dof;
     const Matrix axes{data->cdof, dofs, 6};
@@ -99,6 +101,89 @@ void resist_air(mjData* data, const Gear& gear, std::int64_t dofs) {
         for (auto dof = first; dof < first + 6; ++dof) passive[dof] -= gear.drag * axes[dof][axis] * velocity;
     }
 }
+
+// Write the forces that MuJoCo lets the motors push with: what their power gives now; if not `limited`, all.
+// Above `power_limit_speed` the acceleration falls as power_limit_speed / speed (f1tenth_gym, CommonRoad). Braking
+// keeps the full force. A motor that `push_car` drives is limited there.
+void limit_power(const mjModel* model, const mjData* data, Row<const Gear> gears, std::int64_t dofs, bool limited) {
+    const Numbers qvel{data->qvel, dofs};
+    for (int car = 0; car < gears.size(); ++car) {
+        const Gear& gear = gears[car];
+        if (!(gear.power > 0.0) || gear.driven) continue;
+        double speed = 0.0;
+        for (int wheel = 0; wheel < 4; ++wheel) speed += gear.share[wheel][0] * qvel[gear.spin_dof[wheel]];
+        const double power = limited ? gear.power / max(std::abs(speed), 1e-9) : inf;
+        double* forces = model->actuator_forcerange + 2 * gear.actuator[1];
+        const double least = gear.force_range[1][0], most = gear.force_range[1][1];
+        forces[0] = speed < 0.0 ? max(least, -power) : least;
+        forces[1] = speed > 0.0 ? min(most, power) : most;
+    }
+}
+
+// Do MuJoCo's stages of positions and velocities, with their sensors; `clear`: there is no contact to be found.
+void begin_step(const mjModel* model, mjData* data, bool clear) {
+    mujoco.mj_checkPos(model, data);
+    mujoco.mj_checkVel(model, data);
+    mujoco.mj_kinematics(model, data);
+    mujoco.mj_comPos(model, data);
+    mujoco.mj_camlight(model, data);
+    mujoco.mj_tendon(model, data);
+    mujoco.mj_makeM(model, data);
+    if (!clear || data->ncon > 0) mujoco.mj_collision(model, data);
+    mujoco.mj_makeConstraint(model, data);
+    mujoco.mj_island(model, data);
+    mujoco.mj_transmission(model, data);
+    mujoco.mj_sensorPos(model, data);
+    mujoco.mj_fwdVelocity(model, data);
+    mujoco.mj_sensorVel(model, data);
+}
+
+// Do MuJoCo's stages from the acceleration on; `last`: somebody reads the accelerometers of this step.
+void end_step(const mjModel* model, mjData* data, bool advance, bool last) {
+    mujoco.mj_solveM(model, data, data->qacc_smooth, data->qfrc_smooth, 1);
+    mujoco.mj_fwdConstraint(model, data);
+    // The sensors' own call believes those of mj_forward to be new.
+    if (last) mujoco.mj_rnePostConstraint(model, data);  // else accelerometers keep those of the first step
+    mujoco.mj_sensorAcc(model, data);
+    if (advance) {
+        mujoco.mj_checkAcc(model, data);
+        mujoco.mj_Euler(model, data);
+    }
+}
+
+// Move the state by all forces, those of constraints too, with the inertia as it is now.
+void advance_damped(const mjModel* model, mjData* data, std::int64_t dofs) {
+    for (int dof = 0; dof < dofs; ++dof) data->qacc[dof] = data->qfrc_smooth[dof] + data->qfrc_constraint[dof];
+    mujoco.mj_solveM(model, data, data->qacc, data->qacc, 1);
+    mujoco.mj_checkAcc(model, data);
+    mujoco.mj_Euler(model, data);
+}
+
+// Do what a car that turns does in a step, of `before` (3,), its velocities along x, y [m/s] and yaw rate [rad/s].
+// Forces turn with the car: it speeds up along its mean heading, and not along that of before. It moves over the
+// ground by the mean of its velocities before and after, and turns likewise: with the velocity after, a car that
+// slides at v comes to rest v h / 2 too soon, and its tires answer to steering late. Not where something else than
+// tires stops the car: a contact counts on it.
+void place_between(mjData* data, const Gear& gear, std::int64_t dofs, Numbers before, double timestep) {
+    const Row<double> velocity = Row<double>{data->qvel, dofs}.part(gear.free_dof, gear.free_dof + 6);
+    double* position = data->qpos + gear.free_qpos;
+    const double after_x = velocity[0], after_y = velocity[1], after_turn = velocity[5];
+    const double gain_x = after_x - before[0], gain_y = after_y - before[1];
+    if (fg::hypot(gain_x, gain_y) >= most_pull * timestep) return;
+    const double half = 0.25 * timestep * (before[2] + after_turn);
+    const double sin_half = fg::sin(half), cos_half = fg::cos(half);
+    velocity[0] = before[0] + gain_x * cos_half - gain_y * sin_half;
+    velocity[1] = before[1] + gain_y * cos_half + gain_x * sin_half;
+    position[0] += timestep * (0.5 * (before[0] + velocity[0]) - after_x);
+    position[1] += timestep * (0.5 * (before[1] + velocity[1]) - after_y);
+    const double quarter = 0.25 * timestep * (before[2] - after_turn);  // half of the angle
+    const double sin = fg::sin(quarter), cos = fg::cos(quarter);
+    double* turn = position + 3;
+    const double w = turn[0], x = turn[1], y = turn[2], z = turn[3];
+    turn[0] = w * cos - z * sin, turn[1] = x * cos + y * sin, turn[2] = y * cos - x * sin, turn[3] = z * cos + w * sin;
+}
+
+}  // namespace
 
 void step_on_tires(const mjModel* model, mjData* data, const Inertia& inertia, Row<const Gear> gears,
                    Row<const Tire> tires, Matrix mu, Row<double> userdata, Row<double> scratch, std::int64_t dofs,
@@ -179,76 +264,6 @@ void step_on_contacts(const mjModel* model, mjData* data, Row<const Gear> gears,
     limit_power(model, data, gears, dofs, true);
     mujoco.mj_step(model, data);
     limit_power(model, data, gears, dofs, false);
-}
-
-void limit_power(const mjModel* model, const mjData* data, Row<const Gear> gears, std::int64_t dofs, bool limited) {
-    const Numbers qvel{data->qvel, dofs};
-    for (int car = 0; car < gears.size(); ++car) {
-        const Gear& gear = gears[car];
-        if (!(gear.power > 0.0) || gear.driven) continue;
-        double speed = 0.0;
-        for (int wheel = 0; wheel < 4; ++wheel) speed += gear.share[wheel][0] * qvel[gear.spin_dof[wheel]];
-        const double power = limited ? gear.power / max(std::abs(speed), 1e-9) : inf;
-        double* forces = model->actuator_forcerange + 2 * gear.actuator[1];
-        const double least = gear.force_range[1][0], most = gear.force_range[1][1];
-        forces[0] = speed < 0.0 ? max(least, -power) : least;
-        forces[1] = speed > 0.0 ? min(most, power) : most;
-    }
-}
-
-void begin_step(const mjModel* model, mjData* data, bool clear) {
-    mujoco.mj_checkPos(model, data);
-    mujoco.mj_checkVel(model, data);
-    mujoco.mj_kinematics(model, data);
-    mujoco.mj_comPos(model, data);
-    mujoco.mj_camlight(model, data);
-    mujoco.mj_tendon(model, data);
-    mujoco.mj_makeM(model, data);
-    if (!clear || data->ncon > 0) mujoco.mj_collision(model, data);
-    mujoco.mj_makeConstraint(model, data);
-    mujoco.mj_island(model, data);
-    mujoco.mj_transmission(model, data);
-    mujoco.mj_sensorPos(model, data);
-    mujoco.mj_fwdVelocity(model, data);
-    mujoco.mj_sensorVel(model, data);
-}
-
-void end_step(const mjModel* model, mjData* data, bool advance, bool last) {
-    mujoco.mj_solveM(model, data, data->qacc_smooth, data->qfrc_smooth, 1);
-    mujoco.mj_fwdConstraint(model, data);
-    // The sensors' own call believes those of mj_forward to be new.
-    if (last) mujoco.mj_rnePostConstraint(model, data);  // else accelerometers keep those of the first step
-    mujoco.mj_sensorAcc(model, data);
-    if (advance) {
-        mujoco.mj_checkAcc(model, data);
-        mujoco.mj_Euler(model, data);
-    }
-}
-
-void advance_damped(const mjModel* model, mjData* data, std::int64_t dofs) {
-    for (int dof = 0; dof < dofs; ++dof) data->qacc[dof] = data->qfrc_smooth[dof] + data->qfrc_constraint[dof];
-    mujoco.mj_solveM(model, data, data->qacc, data->qacc, 1);
-    mujoco.mj_checkAcc(model, data);
-    mujoco.mj_Euler(model, data);
-}
-
-void place_between(mjData* data, const Gear& gear, std::int64_t dofs, Numbers before, double timestep) {
-    const Row<double> velocity = Row<double>{data->qvel, dofs}.part(gear.free_dof, gear.free_dof + 6);
-    double* position = data->qpos + gear.free_qpos;
-    const double after_x = velocity[0], after_y = velocity[1], after_turn = velocity[5];
-    const double gain_x = after_x - before[0], gain_y = after_y - before[1];
-    if (fg::hypot(gain_x, gain_y) >= most_pull * timestep) return;
-    const double half = 0.25 * timestep * (before[2] + after_turn);
-    const double sin_half = fg::sin(half), cos_half = fg::cos(half);
-    velocity[0] = before[0] + gain_x * cos_half - gain_y * sin_half;
-    velocity[1] = before[1] + gain_y * cos_half + gain_x * sin_half;
-    position[0] += timestep * (0.5 * (before[0] + velocity[0]) - after_x);
-    position[1] += timestep * (0.5 * (before[1] + velocity[1]) - after_y);
-    const double quarter = 0.25 * timestep * (before[2] - after_turn);  // half of the angle
-    const double sin = fg::sin(quarter), cos = fg::cos(quarter);
-    double* turn = position + 3;
-    const double w = turn[0], x = turn[1], y = turn[2], z = turn[3];
-    turn[0] = w * cos - z * sin, turn[1] = x * cos + y * sin, turn[2] = y * cos - x * sin, turn[3] = z * cos + w * sin;
 }
 
 }  // namespace fg

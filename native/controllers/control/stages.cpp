@@ -9,13 +9,7 @@ namespace {
 
 constexpr int batch_arrays = 12, stage_arrays = 3;
 
-}  // namespace
-
-void call_all(Table<const std::int64_t> calls) {
-    for (std::int64_t i = 0; i < calls.rows; ++i)
-        reinterpret_cast<void (*)(std::int64_t)>(calls[i][0])(calls[i][1]);
-}
-
+// Return the arrays of a batch whose table is at an address.
 BatchArrays batch_at(std::int64_t address) {
     const Row<const ArrayPlace> places = table_at(address, batch_arrays);
     return {places[0].row<const ScanGeometry>(),
@@ -30,6 +24,13 @@ BatchArrays batch_at(std::int64_t address) {
             places[9].table<double>(),
             places[10].table<double>(),
             places[11].table<double>()};
+}
+
+}  // namespace
+
+void call_all(Table<const std::int64_t> calls) {
+    for (std::int64_t i = 0; i < calls.rows; ++i)
+        reinterpret_cast<void (*)(std::int64_t)>(calls[i][0])(calls[i][1]);
 }
 
 StageArrays stage_at(std::int64_t address) {

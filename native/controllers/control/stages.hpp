@@ -54,9 +54,6 @@ struct BatchArrays {
 // Call functions by their addresses (k, 2): each address of a function of C, and the number that it is called with.
 void call_all(Table<const std::int64_t> calls);
 
-// Return the arrays of a batch whose table is at an address.
-BatchArrays batch_at(std::int64_t address);
-
 // The arrays of one stage, in the order of its table: those of its batch, the worlds that have the stage, its states.
 struct StageArrays {
     BatchArrays batch;

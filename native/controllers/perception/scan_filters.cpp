@@ -141,6 +141,18 @@ int nearest_of(Numbers ranges) {
     return nearest;
 }
 
+// Return the least of ranges (n,), inf of none: of four parts, which a processor looks through at the same time.
+double least_of(Numbers ranges) {
+    double a = inf, b = inf, c = inf, d = inf;
+    const int whole_parts = ranges.size() / 4 * 4;
+    for (int beam = 0; beam < whole_parts; beam += 4) {
+        a = min(a, ranges[beam]), b = min(b, ranges[beam + 1]);
+        c = min(c, ranges[beam + 2]), d = min(d, ranges[beam + 3]);
+    }
+    for (int beam = whole_parts; beam < ranges.size(); ++beam) a = min(a, ranges[beam]);
+    return min(min(a, b), min(c, d));
+}
+
 }  // namespace
 
 void copy_ranges(Row<double> into, Numbers ranges) { std::copy_n(ranges.data, ranges.length, into.data); }
@@ -216,17 +228,6 @@ OwnRow<double> widen_all(Numbers ranges, double angle_increment, double radius) 
     shorten_onwards(result, ranges, widths, {line.get(), ranges.length}, 1);
     shorten_onwards(result, ranges, widths, {line.get(), ranges.length}, -1);
     return result;
-}
-
-double least_of(Numbers ranges) {
-    double a = inf, b = inf, c = inf, d = inf;
-    const int whole_parts = ranges.size() / 4 * 4;
-    for (int beam = 0; beam < whole_parts; beam += 4) {
-        a = min(a, ranges[beam]), b = min(b, ranges[beam + 1]);
-        c = min(c, ranges[beam + 2]), d = min(d, ranges[beam + 3]);
-    }
-    for (int beam = whole_parts; beam < ranges.size(); ++beam) a = min(a, ranges[beam]);
-    return min(min(a, b), min(c, d));
 }
 
 std::int64_t greatest_beam(Numbers ranges) {

@@ -36,9 +36,6 @@ OwnRow<double> extend_disparities(Numbers ranges, double angle_increment, double
 // Return ranges with every reading widened by `radius` [m]: where a car of that half width fits, as a point.
 OwnRow<double> widen_all(Numbers ranges, double angle_increment, double radius);
 
-// Return the least of ranges (n,), inf of none: of four parts, which a processor looks through at the same time.
-double least_of(Numbers ranges);
-
 // Return the beam of the greatest of ranges (n,), the rightmost of several; 0 of none: in parts as `least_of`.
 std::int64_t greatest_beam(Numbers ranges);
 

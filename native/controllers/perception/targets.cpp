@@ -416,6 +416,30 @@ bool is_cluster(const Targets& memory, const ScanGeometry& geometry, Numbers ran
     return true;
 }
 
+// Write the clusters of a scan that may be things; return how many.
+std::int64_t find_clusters(const Targets& memory, const ScanGeometry& geometry, Numbers ranges, Row<Cluster> found) {
+    const double edge = max(least_edge, cut * std::sqrt(2.0) * memory.noise);
+    std::int64_t count = 0, first = 0;  // clusters; the first beam of the one that has not ended
+    bool nearer = true;                 // whether what is right of it is nearer
+    for (std::int64_t beam = 1; beam < ranges.length; ++beam) {
+        const double step = ranges[beam] - ranges[beam - 1];
+        if (std::abs(step) <= edge) continue;
+        const bool is_whole = first > 0 && beam - first >= least_beams;  // what the field of view cuts off may be wall
+        if (is_whole && ranges[first] < farthest && (!nearer || step > 0.0)) {
+            count += is_cluster(memory, geometry, ranges, first, beam, edge, found[count]);
+            if (count == found.length) return count;
+        }
+        first = beam, nearer = step > 0.0;
+    }
+    return count;
+}
+
+// Forget all targets and scans.
+void forget_targets(Targets& memory) {
+    for (Target& target : memory.targets) target.age = 0, target.moves = false;
+    for (Snapshot& snapshot : memory.snapshots) snapshot.tick = 0;
+}
+
 }  // namespace
 
 std::int64_t track_targets(Targets& memory, const ScanGeometry& geometry, Numbers ranges, const Odometry& odometry,
@@ -454,28 +478,6 @@ std::int64_t track_targets(Targets& memory, const ScanGeometry& geometry, Number
     for (int k = 0; k < found.size(); ++k)
         if (!found[k].taken) begin(row(memory.targets), found[k]);
     return memory.count;
-}
-
-void forget_targets(Targets& memory) {
-    for (Target& target : memory.targets) target.age = 0, target.moves = false;
-    for (Snapshot& snapshot : memory.snapshots) snapshot.tick = 0;
-}
-
-std::int64_t find_clusters(const Targets& memory, const ScanGeometry& geometry, Numbers ranges, Row<Cluster> found) {
-    const double edge = max(least_edge, cut * std::sqrt(2.0) * memory.noise);
-    std::int64_t count = 0, first = 0;  // clusters; the first beam of the one that has not ended
-    bool nearer = true;                 // whether what is right of it is nearer
-    for (std::int64_t beam = 1; beam < ranges.length; ++beam) {
-        const double step = ranges[beam] - ranges[beam - 1];
-        if (std::abs(step) <= edge) continue;
-        const bool is_whole = first > 0 && beam - first >= least_beams;  // what the field of view cuts off may be wall
-        if (is_whole && ranges[first] < farthest && (!nearer || step > 0.0)) {
-            count += is_cluster(memory, geometry, ranges, first, beam, edge, found[count]);
-            if (count == found.length) return count;
-        }
-        first = beam, nearer = step > 0.0;
-    }
-    return count;
 }
 
 }  // namespace fg

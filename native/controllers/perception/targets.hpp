@@ -83,10 +83,4 @@ struct Cluster {
 std::int64_t track_targets(Targets& memory, const ScanGeometry& geometry, Numbers ranges, const Odometry& odometry,
                            double lidar_offset, double course);
 
-// Forget all targets and scans.
-void forget_targets(Targets& memory);
-
-// Write the clusters of a scan that may be things; return how many.
-std::int64_t find_clusters(const Targets& memory, const ScanGeometry& geometry, Numbers ranges, Row<Cluster> found);
-
 }  // namespace fg

@@ -26,14 +26,15 @@ constexpr double slower_off = 1.5;  // [1/m] by this share for each metre
 // Return the whole turns that are nearest to an angle [rad]; never -0.
 double whole_turns(double angle) { return 2.0 * pi * (std::nearbyint(angle / (2.0 * pi)) + 0.0); }
 
-}  // namespace
-
-std::array<double, 2> uses_on(const Limiter& limiter) { return limiter.slip.needs_slip_angle ? uses_when_late : uses; }
-
+// Return the share of what cornering leaves for turning the wheels, of a car on the line: it turns them faster.
 double turn_in_use(const Limiter& limiter) {
     const double own = limiter.settings.turn_in_use;
     return limiter.slip.needs_slip_angle ? own : min(turns_faster * own, 1.0);
 }
+
+}  // namespace
+
+std::array<double, 2> uses_on(const Limiter& limiter) { return limiter.slip.needs_slip_angle ? uses_when_late : uses; }
 
 std::array<double, 2> on_line(const Limiter& limiter) {
     const double in_braking = limiter.slip.needs_slip_angle ? limiter.settings.lateral_use_in_braking : 1.0;

@@ -20,9 +20,6 @@ inline constexpr double leaves_line = 0.6;   // [m] to its side, beyond which th
 // Return the shares of a limiter's cornering acceleration and of its braking that speed on the line counts on.
 std::array<double, 2> uses_on(const Limiter& limiter);
 
-// Return the share of what cornering leaves for turning the wheels, of a car on the line: it turns them faster.
-double turn_in_use(const Limiter& limiter);
-
 // Return the limiter's settings turn_in_use and lateral_use_in_braking for a car on the line.
 std::array<double, 2> on_line(const Limiter& limiter);
 

@@ -94,6 +94,13 @@ void end_where_it_turned(const Targets& seen, const Target& target, Prediction& 
     }
 }
 
+// Return a place along and across an arc that begins in the direction of `along` [m]; curvature [1/m], not 0.
+std::array<double, 2> along_arc(double along, double across, double curvature) {
+    const double turned = curvature * along, off = 1.0 - curvature * across;
+    const double beyond = 2.0 * across - curvature * (along * along + across * across);
+    return {fg::atan2(turned, off) / curvature, beyond / (1.0 + fg::hypot(turned, off))};
+}
+
 }  // namespace
 
 bool foresee(const ScanGeometry& geometry, Row<double> seen, Row<double> ranges_without_movers,
@@ -199,12 +206,6 @@ std::array<double, 2> occupied(Numbers row, double time, double bold) {
         far = max(target.to_wall, near);
     }
     return {near, far};
-}
-
-std::array<double, 2> along_arc(double along, double across, double curvature) {
-    const double turned = curvature * along, off = 1.0 - curvature * across;
-    const double beyond = 2.0 * across - curvature * (along * along + across * across);
-    return {fg::atan2(turned, off) / curvature, beyond / (1.0 + fg::hypot(turned, off))};
 }
 
 bool meets(Matrix rows, double ahead, double left, double radius, double time) {

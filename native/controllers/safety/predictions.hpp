@@ -79,9 +79,6 @@ std::array<double, 2> interval(Numbers row, double time);
 // `bold`: from 0 to 1, as the car has waited.
 std::array<double, 2> occupied(Numbers row, double time, double bold);
 
-// Return a place along and across an arc that begins in the direction of `along` [m]; curvature [1/m], not 0.
-std::array<double, 2> along_arc(double along, double across, double curvature);
-
 // Return whether a disc at a place [m] could touch a target at a time [s]; `rows` are predictions (k, 12).
 bool meets(Matrix rows, double ahead, double left, double radius, double time);
 
