@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .native import core
 
-__all__ = ["arccos", "arcsin", "arctan2", "cos", "exp", "hypot", "log1p", "power", "sin", "tan"]
+__all__ = ["arccos", "arcsin", "arctan2", "cos", "exp", "hypot", "sin", "tan"]
 
 
 def _of_arrays(function: Callable[..., None]) -> Callable[..., NDArray[np.float64]]:
@@ -30,5 +30,5 @@ def _of_arrays(function: Callable[..., None]) -> Callable[..., NDArray[np.float6
 
 
 sin, cos, tan, exp = map(_of_arrays, (core.sin, core.cos, core.tan, core.exp))
-arcsin, arccos, log1p = map(_of_arrays, (core.arcsin, core.arccos, core.log1p))
-arctan2, hypot, power = map(_of_arrays, (core.arctan2, core.hypot, core.power))
+arcsin, arccos = map(_of_arrays, (core.arcsin, core.arccos))
+arctan2, hypot = map(_of_arrays, (core.arctan2, core.hypot))

@@ -145,15 +145,16 @@ inline double log(double x) {
     return x > 0.0 ? (x < inf ? value : inf) : x == 0.0 ? -inf : nan;
 }
 
-inline double log1p(double x) {
-    const double more = 1.0 + x, lost = more - 1.0;
-    if (lost == 0.0) return x;
-    return more > 0.0 && more < inf ? log(more) * (x / lost) : log(more);
-}
-
 // A positive base to a power.
 inline double pow(double base, double power) { return exp(power * log(base)); }
 
-inline double hypot(double x, double y) { return std::sqrt(x * x + y * y); }
+inline double hypot(double x, double y) {
+    const double size = max(std::abs(x), std::abs(y));
+    if (size < 1e-150 || size > 1e150) [[unlikely]] {  // squares of these are no numbers
+        const double scale = size > 1.0 ? 0x1p-600 : 0x1p600;
+        return std::sqrt(x * scale * (x * scale) + y * scale * (y * scale)) / scale;
+    }
+    return std::sqrt(x * x + y * y);
+}
 
 }  // namespace fg

@@ -48,8 +48,8 @@ class Generator {
 // A number beyond the end of the lowest layer.
 double beyond_tail(Generator& generator, double share) {
     while (true) {
-        const double beyond = -INVERSE_TAIL * fg::log1p(-share);
-        const double depth = -fg::log1p(-generator.share());
+        const double beyond = -INVERSE_TAIL * std::log1p(-share);
+        const double depth = -std::log1p(-generator.share());
         if (depth + depth > beyond * beyond) return TAIL + beyond;
         share = generator.share();
     }

@@ -38,9 +38,7 @@ void bind_transcendental(nb::module_& module) {
     bind_of_one<&fg::asin>(module, "arcsin");
     bind_of_one<&fg::acos>(module, "arccos");
     bind_of_one<&fg::exp>(module, "exp");
-    bind_of_one<&fg::log1p>(module, "log1p");
     bind_of_two<&fg::atan2>(module, "arctan2");
-    bind_of_two<&fg::pow>(module, "power");
     bind_of_two<&fg::hypot>(module, "hypot");
 }
 

@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +13,7 @@ from cases import each
 from fg_mujoco import portable
 
 ANGLE, SHARE = st.floats(-1e6, 1e6), st.floats(-1.0, 1.0)
-ANY, POSITIVE = st.floats(allow_nan=False, width=64), st.floats(1e-9, 1e9)
+ANY = st.floats(allow_nan=False, width=64)
 ROOMS = [Path(fg.__file__).parent / name for name in ("course", "lidar", "simulation")]
 ROOMS += [
     Path(fg.controllers.__file__).parent,
@@ -25,9 +24,8 @@ ROOMS += [
 def close(found, expected):
     """Whether a number is another one, up to three units in the last place and one of math's."""
     if math.isnan(expected) or math.isinf(expected) or expected == 0.0:
-        return np.array_equal(found, expected, equal_nan=True) and math.copysign(1.0, found) == math.copysign(
-            1.0, expected
-        )
+        alike = math.copysign(1.0, found) == math.copysign(1.0, expected)
+        return alike and np.array_equal(found, expected, equal_nan=True)
     return abs(found - expected) <= 4.0 * math.ulp(expected)
 
 
@@ -40,7 +38,6 @@ def close(found, expected):
         ("arcsin", SHARE),
         ("arccos", SHARE),
         ("exp", st.floats(-800.0, 709.0)),
-        ("log1p", st.floats(-0.999, 1e9)),
     ],
 )
 def test_a_function_is_that_of_math(name, values):
@@ -58,9 +55,9 @@ def test_an_arctangent_of_two_is_that_of_math(y, x):
     assert close(portable.arctan2(y, x), math.atan2(y, x))
 
 
-@given(POSITIVE, st.floats(-2.0, 2.0))
-def test_a_power_is_that_of_math(base, power):
-    assert portable.power(base, power) == pytest.approx(base**power, rel=1e-14)
+@given(ANY, ANY)
+def test_a_hypotenuse_is_that_of_math(x, y):
+    assert close(portable.hypot(x, y), math.hypot(x, y))
 
 
 @each("y", [0.0, -0.0, 1.0, -1.0, math.inf, -math.inf])
@@ -70,10 +67,10 @@ def test_quarter_turns_are_those_of_math(y, x):
 
 
 def test_what_is_no_number_stays_so_and_what_has_no_end_has_none():
-    for function in (portable.sin, portable.cos, portable.tan, portable.exp, portable.log1p, portable.arcsin):
+    for function in (portable.sin, portable.cos, portable.tan, portable.exp, portable.arcsin):
         assert math.isnan(function(math.nan))
-    assert math.isnan(portable.sin(math.inf)) and math.isnan(portable.log1p(-2.0)) and math.isnan(portable.arcsin(1.1))
-    assert portable.exp(math.inf) == portable.log1p(math.inf) == math.inf
+    assert math.isnan(portable.sin(math.inf)) and math.isnan(portable.arcsin(1.1))
+    assert portable.exp(math.inf) == math.inf
     assert portable.exp(-math.inf) == portable.exp(-746.0) == 0.0 < portable.exp(-745.0)
 
 
