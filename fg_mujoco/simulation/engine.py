@@ -108,11 +108,9 @@ class Engine(Uncopied):
         self.room = 1
         batches = []
         for part in parts_of(worlds, self._ends_of_shares):
-            first, alone = worlds[part.start], None
-            if part.stop - part.start > 1 and not own_model and first.distances[0].size:
-                from .cars_alone import CarsAlone
-
-                alone = CarsAlone(first.xml_of_cars, first.model, first.cars)
+            first, several = worlds[part.start], part.stop - part.start > 1
+            share = share_of(part, self._ends_of_shares)
+            alone = self._slots.cars_alone(share, first) if several and not own_model else None
             batches.append(self._batch(first, part, alone=alone))
         self._take_batches(batches)
         self._changes = None if changes is None else list(changes)

@@ -35,7 +35,7 @@ class Slots:
         """Return a batch of a world for a slice, of a model with `room` for states of 1 MB each, and of 5 MB itself."""
         key = share, world
         if key not in self._of:
-            alone = self._cars_alone(share, world) if world.distances[0].size else None
+            alone = self.cars_alone(share, world)
             self._of[key] = _SameWorld(lambda place: make(world, place, room, alone), room)
         batch = self._of[key].take(place, arrays, monitor)
         self._homes[batch] = key
@@ -51,8 +51,10 @@ class Slots:
         """Keep nothing of some worlds."""
         self._of = {key: same for key, same in self._of.items() if key[1] not in worlds}
 
-    def _cars_alone(self, share: int, world: World) -> CarsAlone:
-        """Return the cars of a world alone, for the thread of a share."""
+    def cars_alone(self, share: int, world: World) -> CarsAlone | None:
+        """Return the cars of a world alone, for the thread of a share; None where no ground is known to be clear."""
+        if not world.distances[0].size:
+            return None
         key = share, world.xml_of_cars
         if key not in self._alone:
             from .cars_alone import CarsAlone
