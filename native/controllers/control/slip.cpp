@@ -2,7 +2,6 @@
 #include "slip.hpp"
 
 #include "../../core/transcendental.hpp"
-#include "../../core/transcendental.hpp"
 
 namespace fg {
 namespace {
