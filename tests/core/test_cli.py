@@ -37,13 +37,6 @@ class Straight:
 """
 
 
-def command(*arguments, **options):
-    """Run the installed command in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "fg_mujoco", *arguments], capture_output=True, text=True, timeout=60, **options
-    )
-
-
 @pytest.mark.slow
 def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(here, capsys, monkeypatch):
     def full(*_):
@@ -58,14 +51,15 @@ def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(her
 
 
 @pytest.mark.slow
-def test_json_is_one_object_and_nothing_else(here):
+def test_json_is_one_object_and_nothing_else(here, capfd):
     (here / "planner.py").write_text(STRAIGHT)  # it prints, too
-    run = command("race", "--json", "--laps", "1", "--controller", "planner.py:Straight", "--planner-mu", "off")
+    main(["race", "--json", "--laps", "1", "--controller", "planner.py:Straight", "--planner-mu", "off"])
+    out, err = capfd.readouterr()
 
     def refuse(constant):
         raise AssertionError(constant)
 
-    summary = json.loads(run.stdout, parse_constant=refuse)
+    summary = json.loads(out, parse_constant=refuse)
     required = """track, controller, laps_requested, laps_completed, finished, end_reason, lap_times_s, collisions,
         max_slide_m_s, slide_time_fraction, mean_speed_m_s, max_speed_m_s, sim_time_s, wall_time_s, realtime_factor,
         seed, mu, planner_mu, trajectory_sha256"""
@@ -73,7 +67,7 @@ def test_json_is_one_object_and_nothing_else(here):
     assert summary["track"] == "oval"
     assert summary["planner_mu"] is None  # infinity has no JSON
     assert summary["mu"] == 1.0489
-    assert run.stderr == "ready\n"
+    assert err == "ready\n"
 
 
 def test_a_race_won_exits_0_and_says_so(capsys, here):
@@ -206,11 +200,11 @@ def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_a
 
 
 @pytest.mark.slow
-def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):
+def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here, capfd):
     crawls = "def P(scan, odometry): return DriveCommand(steering_angle=0.0, speed=0.1)\n"
     (here / "planner.py").write_text(f"from fg_mujoco.messages import *\n{crawls}")
     arguments = ["race", "--laps", "2", "--controller", "planner.py:P", "--time-limit", "20"]
-    assert command(*arguments).stderr == ""
+    assert main(arguments) == 1 and capfd.readouterr().err == ""
 
     ours, theirs = pty.openpty()
     process = subprocess.Popen(

@@ -1,5 +1,6 @@
 """`fg-mujoco render`, `race --video` and what they write: whole files or none, and one line for what is refused."""
 
+import json
 import os
 import pty
 import resource
@@ -139,6 +140,17 @@ def test_bad_input_is_refused_in_a_line(here, run, capsys, options, message):
     assert list(here.iterdir()) == []
 
 
+ONE_BY_ONE = """
+import contextlib, io, json, sys
+from fg_mujoco.cli.main import main
+for arguments in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        code = main(arguments)
+    print(json.dumps([code, out.getvalue(), err.getvalue()]))
+"""
+"""Commands one after another in one process: what each returned and said."""
+
+
 def bare_machine(folder, **environment):
     """The environment of a machine without OpenGL: PyOpenGL ends there as here, in ctypes."""
     (folder / "OpenGL").mkdir(parents=True)
@@ -150,14 +162,14 @@ def bare_machine(folder, **environment):
 
 def test_without_opengl_the_message_is_the_install_line_and_races_run(here, run):
     bare = bare_machine(here / "bare")
-    command = [sys.executable, "-m", "fg_mujoco"]
-    drawn = subprocess.run([*command, "render", run, *SMALL], capture_output=True, text=True, env=bare)
-    assert (drawn.returncode, drawn.stderr) == (2, f"fg-mujoco: 3D pictures need OpenGL: {INSTALL_COMMAND}\n")
-    race = [*command, "race", "--time-limit", "0.1", "--laps", "1"]
-    driven = subprocess.run(race, capture_output=True, text=True, env=bare)
-    assert driven.returncode == 1 and driven.stderr == "" and "time limit" in driven.stdout
-    refused = subprocess.run([*race, "--video", "a.mp4"], capture_output=True, text=True, env=bare)
-    assert (refused.returncode, refused.stdout) == (2, "") and INSTALL_COMMAND in refused.stderr
+    race = ["race", "--time-limit", "0.1", "--laps", "1"]
+    asked = [["render", run, *SMALL], race, [*race, "--video", "a.mp4"]]
+    command = [sys.executable, "-c", ONE_BY_ONE, json.dumps(asked)]
+    done = subprocess.run(command, capture_output=True, text=True, env=bare)
+    drawn, driven, refused = map(json.loads, done.stdout.splitlines())
+    assert drawn == [2, "", f"fg-mujoco: 3D pictures need OpenGL: {INSTALL_COMMAND}\n"]
+    assert driven[0] == 1 and driven[2] == "" and "time limit" in driven[1]
+    assert refused[:2] == [2, ""] and INSTALL_COMMAND in refused[2]
 
 
 def test_a_process_that_was_forked_from_one_that_has_drawn_is_refused(monkeypatch):

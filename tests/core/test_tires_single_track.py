@@ -71,6 +71,7 @@ def single_track(car, tires, rows):
     (front, rear), gravity = tires.axles, car.gravity
     force_front, force_rear = curve(front.lateral), curve(rear.lateral)
     lf, lr = car.front_axle_distance, car.rear_axle_distance
+    gains = np.gradient(ahead, TIMESTEP)
     load_front, load_rear = car.mass * gravity * lr / car.wheelbase, car.mass * gravity * lf / car.wheelbase
 
     def motion(at, state):
@@ -80,7 +81,7 @@ def single_track(car, tires, rows):
         rolling = speed * math.cos(angle) + over * math.sin(angle)
         across = over * math.cos(angle) - speed * math.sin(angle)
         side, hold = load_front * force_front(math.atan(slip_front)), load_rear * force_rear(math.atan(slip_rear))
-        faster = np.interp(at, time, np.gradient(ahead, TIMESTEP))
+        faster = np.interp(at, time, gains)
         driven = car.mass * (faster - left * yaw_rate) + side * math.sin(angle)  # by both axles alike
         push = side * math.cos(angle) + driven / (1.0 + math.cos(angle)) * math.sin(angle)
         return (

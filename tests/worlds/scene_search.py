@@ -34,15 +34,18 @@ class Clearances:
         self.values = np.full(shape, np.inf)
         for solid in solids:
             self._approach(solid.corners(), x, y)
+        np.sqrt(self.values, out=self.values)
 
     def _approach(self, corners, x, y):
-        """Take in the distance to one more solid, of corners (n, 2) in the order of the clock backwards."""
+        """Take in the squared distance to one more solid, of corners (n, 2) in the order of the clock backwards."""
         inside = np.ones(self.values.shape, bool)
         for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             dx, dy = bx - ax, by - ay
-            inside &= dx * (y - ay) - dy * (x - ax) >= 0.0
-            share = np.clip(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
-            np.minimum(self.values, np.hypot(x - ax - share * dx, y - ay - share * dy), out=self.values)
+            inside &= dx * (y - ay) >= dy * (x - ax)
+            length = dx * dx + dy * dy
+            share = np.clip((x - ax) * (dx / length) + (y - ay) * (dy / length), 0.0, 1.0)
+            aside, along = x - ax - share * dx, y - ay - share * dy
+            np.minimum(self.values, aside * aside + along * along, out=self.values)
         self.values[inside] = 0.0
 
     def index(self, points):

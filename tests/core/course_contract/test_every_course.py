@@ -40,6 +40,12 @@ def made(name):
     return fg.load_track(name)
 
 
+@functools.cache
+def world_of(course):
+    """One world for all tests of a course."""
+    return fg.World(course)
+
+
 every_course = each("course", [*NAMES, "own"], made=made)
 every_class = each("course", ONE_OF_EACH_CLASS, made=made)
 
@@ -88,7 +94,7 @@ def test_it_is_the_same_from_its_definition(course):
         return
     again = reload_course(course.name, course.definition)
     assert course_sha256(again) == course_sha256(course) and type(again) is type(course)
-    assert fg.World(again).xml == fg.World(course).xml
+    assert fg.World(again).xml == world_of(course).xml
 
 
 @every_course
@@ -104,7 +110,7 @@ def test_its_bounds_hold_the_start_and_its_walls_are_round_it(course):
 
 @every_course
 def test_the_lidar_sees_what_stands_there_and_nothing_else(course):
-    simulation = fg.Simulation(fg.World(course))
+    simulation = fg.Simulation(world_of(course))
     scan, _ = simulation.reset()
     x, y, heading = simulation.pose
     lidar = np.array([x + CAR.lidar_offset * math.cos(heading), y + CAR.lidar_offset * math.sin(heading)])
@@ -118,7 +124,7 @@ def test_the_lidar_sees_what_stands_there_and_nothing_else(course):
 
 @every_course
 def test_the_car_stands_free_at_the_start_and_hits_every_solid(course):
-    world = fg.World(course)
+    world = world_of(course)
     simulation = fg.Simulation(world)
     assert not simulation.crashed
     solids = solids_of(course)
@@ -129,7 +135,7 @@ def test_the_car_stands_free_at_the_start_and_hits_every_solid(course):
 
 @every_course
 def test_a_random_start_is_the_generators_alone_and_clear(course):
-    world = fg.World(course)
+    world = world_of(course)
     simulation = fg.Simulation(world)
     for seed in range(10):
         s, offset, heading = course.draw_start(np.random.default_rng(seed), CAR, world.obstacles)
