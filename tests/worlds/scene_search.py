@@ -23,8 +23,12 @@ def corridor_walls(begin, end, width):
     return (*sides, *(fg.Box(x=x, y=0.0, length=0.1, width=width) for x in (begin - 0.05, end + 0.05)))
 
 
+REACH = 1.0
+"""[m] from a solid, within which distances to it are worked out."""
+
+
 class Clearances:
-    """Distance to the nearest solid, 0 inside of one, on a grid over a rectangle [m]."""
+    """Distance to the nearest solid, 0 inside of one, on a grid over a rectangle [m]; infinite beyond REACH."""
 
     def __init__(self, solids, low, high, cell):
         self.low, self.cell = np.asarray(low, float), cell
@@ -38,15 +42,18 @@ class Clearances:
 
     def _approach(self, corners, x, y):
         """Take in the squared distance to one more solid, of corners (n, 2) in the order of the clock backwards."""
-        inside = np.ones(self.values.shape, bool)
+        ends = ((corners.min(axis=0) - REACH, corners.max(axis=0) + REACH) - self.low) / self.cell
+        rows, columns = (slice(max(int(least), 0), max(int(most) + 2, 0)) for least, most in ends.T)
+        x, y, values = x[rows], y[columns], self.values[rows, columns]
+        inside = np.ones(values.shape, bool)
         for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             dx, dy = bx - ax, by - ay
             inside &= dx * (y - ay) >= dy * (x - ax)
             length = dx * dx + dy * dy
             share = np.clip((x - ax) * (dx / length) + (y - ay) * (dy / length), 0.0, 1.0)
             aside, along = x - ax - share * dx, y - ay - share * dy
-            np.minimum(self.values, aside * aside + along * along, out=self.values)
-        self.values[inside] = 0.0
+            np.minimum(values, aside * aside + along * along, out=values)
+        values[inside] = 0.0
 
     def index(self, points):
         return tuple(np.round((np.atleast_2d(points) - self.low) / self.cell).astype(int).T)

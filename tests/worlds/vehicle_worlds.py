@@ -8,12 +8,6 @@ from tempfile import mkdtemp
 
 import fg_mujoco as fg
 from fg_mujoco.addons.realcar.fitting import fit
-from fg_mujoco.racing.planners import make_controller
-from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.planner_adapter import adapt, start
-from fg_mujoco.simulation.settings import Start
-from fg_mujoco.simulation.telemetry import statistics_figures
-from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.vehicle.car import WHEELS
 
 F1TENTH = (files("fg_mujoco.models") / "f1tenth.xml").read_text("utf-8")
@@ -49,23 +43,6 @@ def open_file():
 def load(name):
     """Return a bundled vehicle, or the made one."""
     return fg.Vehicle.load(made_file() if name == "made" else name)
-
-
-def drive(vehicle, track, laps):
-    """Return how gap_finder did by its default settings: why the race ended, and its figures."""
-    world = fg.World(track, vehicle)
-    planner = make_controller("gap_finder", car=world.parameters, mu=world.vehicle.nominal_mu, max_speed=8.0,
-                              map_line=world.track.map_line)  # fmt: skip
-    start(planner)
-    engine = Engine(world, laps=laps)
-    engine.planners = adapt([planner])
-    engine.place([Start()])
-    while engine.running.any():
-        engine.sense()
-        engine.decide()
-        engine.drive()
-        engine.judge()
-    return END_REASONS[engine.monitor.reasons[0]], statistics_figures(engine.statistics[0])
 
 
 def with_drive_line(text, **texts):

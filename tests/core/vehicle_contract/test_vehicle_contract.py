@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import functools
 import math
 import pickle
 import re
@@ -18,7 +19,7 @@ from fg_mujoco.vehicle.contract import NEEDED, ackermann_angle
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter, slides_above
 from fg_mujoco.vehicle.tires import DEFAULT_TIRES, Tires, tire_names
-from vehicle_worlds import drive, load
+from vehicle_worlds import load
 
 every_vehicle = each("name", (*fg.vehicle_names(), "made"))
 
@@ -64,6 +65,11 @@ def test_it_rests_as_it_is_drawn(name):
     assert height == pytest.approx(car.parameters.center_of_gravity_height, abs=60e-6)
 
 
+@functools.cache
+def standing_on(name, tires):
+    return load(name).spec(tires=tires and Tires.load(tires)).compile()
+
+
 @every_vehicle
 @each("tires", [None, *(name for name in tire_names() if name != DEFAULT_TIRES)])
 @each("speed", [-3.0, 0.0, 8.0])
@@ -71,7 +77,7 @@ def test_it_stands_and_rolls_on_four_tires_that_do_not_slide(name, speed, tires)
     """Whatever set it stands on."""
     if (name, tires) == ("autodrive", "contact"):
         pytest.skip("its drag is refused there")
-    model = load(name).spec(tires=tires and Tires.load(tires)).compile()
+    model = standing_on(name, tires)
     data, car, forces = mujoco.MjData(model), Car(model), TireForces(model)
     car.set_pose(data, 0.0, 0.0, 0.0, speed)
     meter = TireSlipMeter(model)
@@ -162,12 +168,13 @@ def test_it_can_be_compared_hashed_copied_and_pickled_and_not_changed(name):
 
 
 @pytest.mark.slow
-@every_vehicle
+@each("name", [*(name for name in fg.vehicle_names() if name != "f1tenth"), "made"])  # which test_mission.py drives
 @each("track", ["chicanes", "fast", "hairpins", "l_corridor", "oval", "tight"])
 def test_the_gap_finder_drives_it_two_laps_without_a_crash_or_a_slide(name, track):
     """A lap from rest, and one that begins at speed, as all later ones do."""
-    reason, figures = drive(load(name), track, laps=2)
-    assert reason == "finished" or (name == "autodrive" and track in ("chicanes", "l_corridor"))  # its page says so
+    car = fg.race(track, "gap_finder", vehicle=load(name), laps=2).car
+    said = name == "autodrive" and track in ("chicanes", "l_corridor")  # where its page says that it does not
+    assert car.end_reason == "finished" or said
     if name != "autodrive":  # whose wheels turn alike in bends, and so slip past their peak
-        assert figures["max_slide_m_s"] <= slides_above(load(name).tires.model)
-        assert figures["slide_time_fraction"] == 0.0
+        assert car.max_slide_m_s <= slides_above(load(name).tires.model)
+        assert car.slide_time_fraction == 0.0
