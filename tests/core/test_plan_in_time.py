@@ -64,12 +64,10 @@ def test_what_turns_at_both_ends_is_where_a_slow_walk_to_and_fro_comes(seed):
     to_wall, back, speed, spread = rng.uniform(0.0, 1.0), rng.uniform(0.02, 1.0), rng.uniform(0.3, 2.0), 0.05
     row = target(3.0, 0.0, 0.0, speed, to_wall=to_wall, from_wall=back, turns=2.0, spread=spread)
     for time in np.arange(0.0, 3.0, 0.1):
-        least, most = math.inf, -math.inf
-        for way in np.linspace((speed - spread) * time, (speed + spread) * time, 800):
-            phase = (way + back) % (2.0 * (to_wall + back))
-            place = min(phase, 2.0 * (to_wall + back) - phase) - back
-            least, most = min(least, place), max(most, place)
-        assert occupied(row, time, 0.0) == pytest.approx((least, most), abs=0.002)
+        ways = np.linspace((speed - spread) * time, (speed + spread) * time, 800)
+        phases = (ways + back) % (2.0 * (to_wall + back))
+        places = np.minimum(phases, 2.0 * (to_wall + back) - phases) - back
+        assert occupied(row, time, 0.0) == pytest.approx((places.min(), places.max()), abs=0.002)
 
 
 def test_a_motion_is_worth_less_that_touches_what_may_turn_back_and_not_where_it_is_known_to_go_on():
@@ -98,16 +96,14 @@ def test_motions_are_free_by_a_slow_check_of_discs_and_intervals(seed):
     these = among(around(rows, now, widened=widened, angle=rng.uniform(-0.2, 0.2)), 1.0)
     free = core.lay_path(these, *place, path)
     assert free == 112
-    front = CAR.length - CAR.rear_overhang
+    offsets = np.array((CAR.length - CAR.rear_overhang - 0.25 * CAR.width, CAR.lidar_offset, 0.0))
     for profile in core.PROFILES:
         gap, _ = core.try_profile(these, path, free, profile, False)
-        least = math.inf
-        for time, x, y, cos, sin in driven(path, profile, now):
-            near, far = occupied(row, time, 0.0)
-            for offset in (front - 0.25 * CAR.width, CAR.lidar_offset, 0.0):
-                for along in np.linspace(near, far, 9):
-                    dx, dy = x + offset * cos - row[0] - along * row[2], y + offset * sin - row[1] - along * row[3]
-                    least = min(least, math.hypot(dx, dy))
+        times, *poses = np.array(list(driven(path, profile, now))).T
+        x, y, cos, sin = (each[:, None, None] for each in poses)
+        along = np.linspace(*np.array([occupied(row, time, 0.0) for time in times]).T, 9, axis=1)[:, None]
+        ahead, aside = x + offsets[:, None] * cos, y + offsets[:, None] * sin
+        least = np.hypot(ahead - row[0] - along * row[2], aside - row[1] - along * row[3]).min()
         assert gap < -USED or least > these.reaches[0] + min(gap, 0.0) - 0.12  # a step is up to .4 m long
 
 

@@ -1,6 +1,7 @@
 """How cars bounce off walls, obstacles and each other: depth, restitution and energy, at several steps."""
 
 import math
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -71,6 +72,11 @@ def left_wall(world):
     return min(found)
 
 
+@cache
+def oval(tires):
+    return fg.World(TRACK, tires=tires)
+
+
 @each("tires", ("contact", "coulomb"))
 @each("degrees", (90, 70, 45, 30))
 @each("speed", (2.0, 15.0, 20.0))
@@ -78,8 +84,8 @@ def left_wall(world):
 def test_a_wall_stops_a_car_within_the_step_in_which_it_arrives(tires, degrees, speed):
     """Wherever in its step it arrives: no deeper than it moves in it, and slower afterwards; up to .4 m before."""
     angle = math.radians(degrees)
+    world = oval(tires)
     for phase in np.linspace(0.0, 1.0, 4):
-        world = fg.World(TRACK, tires=tires)
         gap = 0.05 + phase * speed * math.sin(angle) * 0.005
         depths, speeds, energies = drive_into(world, speed, angle, gap, "wall_")
         assert 0.0 < depths.max() <= speed * 0.005 + 0.005
