@@ -11,6 +11,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
+from conftest import plain_runs
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import read_summary
 from forging import without_checksums
@@ -31,8 +32,8 @@ FILES = ("states.npz", "telemetry.csv", "summary.json", "scene.xml")
 def raced(tmp_path_factory):
     """A run of twelve ticks, as `race --out` writes it."""
     folder = tmp_path_factory.mktemp("raced") / "run"
-    main(["race", "--laps", "1", "--time-limit", "0.3", "--out", str(folder)])
-    (folder / "report.html").unlink(missing_ok=True)
+    with plain_runs():
+        main(["race", "--laps", "1", "--time-limit", "0.3", "--out", str(folder)])
     return folder
 
 

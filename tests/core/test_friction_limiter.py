@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import mujoco
@@ -138,6 +139,7 @@ def test_straight_ahead_it_brakes_and_accelerates_with_all_that_the_tires_hold(m
 SOFT, STIFF = (4.0, 0.33, 0.72), (21.0, 0.1, 0.8)  # cornering stiffness [1/rad], slip of the peak, peak
 
 
+@cache
 def curve(stiffness, peak_slip, peak):
     """D sin(C atan(B s)) with its peak where it is to be: C by search."""
     shapes = np.linspace(1.0, 3.0, 2_000_001)[1:]
