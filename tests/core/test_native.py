@@ -26,6 +26,7 @@ from fg_mujoco.vehicle.tire_rows import GEAR, TIRE
 from lidar_worlds import EYE, random_poses, random_spec
 
 SOURCES = Path(__file__).parents[2] / "native"
+HEADERS = "<algorithm> <array> <cmath> <cstdint> <memory> <numbers> <stdexcept> <string> <vector>"
 SCENES = 3
 SCANS = 60
 
@@ -67,11 +68,15 @@ def built(tmp_path_factory):
     if cmake is None:
         pytest.skip("there is no cmake here")
 
+    headers = tmp_path_factory.mktemp("headers") / "headers.cmake"  # which are then compiled once for all files
+    headers.write_text(f"cmake_language(DEFER CALL target_precompile_headers caster PRIVATE {HEADERS})\n")
+
     @cache
     def build(*options):
         folder = tmp_path_factory.mktemp("build")
         python = f"-DPython_EXECUTABLE={sys.executable}"  # whose MuJoCo it is built for
-        made = [cmake, "-S", str(SOURCES), "-B", str(folder), "-DFG_PYTHON=OFF", python, *options]
+        options = ("-DFG_PYTHON=OFF", f"-DCMAKE_PROJECT_INCLUDE={headers}", python, *options)
+        made = [cmake, "-S", str(SOURCES), "-B", str(folder), *options]
         for command in (made, [cmake, "--build", str(folder), "--target", "caster", "--parallel", "2"]):
             done = subprocess.run(command, capture_output=True, text=True)
             assert done.returncode == 0, done.stdout + done.stderr
