@@ -133,12 +133,6 @@ def test_what_pip_installs_from_the_wheel_races_away_from_the_repository(built, 
     assert list(empty.iterdir()) == []
 
 
-def test_importing_the_package_loads_nothing_slow():
-    slow = ("matplotlib", "trimesh", "dm_control", "ray", "hypothesis", "scipy", "numba")
-    code = f"import sys, fg_mujoco; print([name for name in {slow} if name in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
-
-
 @needs_checkout
 def test_constraints_name_versions_and_no_addresses():
     lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
