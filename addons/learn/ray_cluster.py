@@ -18,6 +18,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -31,6 +32,7 @@ RETRIES = 5
 """Number of times that a chunk is driven again after its worker was lost."""
 
 _KNOCK = 10.0  # [s] for a cluster to answer
+_LAST: dict[str, RolloutJob] = {}  # of a worker, by its rollout: the job that comes with each task is a copy without worlds
 _AHEAD = 2  # chunks submitted for each core of the cluster: what is finished and not yet fetched stays bounded
 
 
@@ -53,10 +55,10 @@ def drive_on_ray(
     ray, running = require_ray(), dict[int, Any]()
     with _cluster(ray, workers):
         task = ray.remote(num_cpus=1, max_retries=RETRIES)(_drive)
-        shared, text, here = ray.put(job), job.controller_text, versions()
+        shared, name, text, here = ray.put(job), uuid4().hex, job.controller_text, versions()
 
         def start(number: int) -> Future[Arrays]:
-            running[number] = task.remote(shared, number, text, here)
+            running[number] = task.remote(shared, name, number, text, here)
             future: Future[Arrays] = running[number].future()
             return future
 
@@ -85,8 +87,10 @@ def require_one_file(job: RolloutJob) -> None:
         )
 
 
-def _drive(job: RolloutJob, number: int, controller_text: bytes | None, expected: dict[str, str]) -> Arrays:
-    """Drive a chunk; this runs on a worker."""
+def _drive(
+    job: RolloutJob, rollout: str, number: int, controller_text: bytes | None, expected: dict[str, str]
+) -> Arrays:
+    """Drive a chunk of a rollout that has a name; this runs on a worker."""
     if versions() != expected:
         differing = [f"{name} {versions()[name]}" for name in expected if versions()[name] != expected[name]]
         raise EngineError(f"a node of the cluster has {', '.join(differing)}; accepted: the same as where it started")
@@ -94,6 +98,10 @@ def _drive(job: RolloutJob, number: int, controller_text: bytes | None, expected
     if changed is not None:
         said = f"a node of the cluster: planner {job.controller!r}: {changed}"
         raise ControllerError(f"{said}; accepted: the same file on each node, at the same path")
+    if rollout not in _LAST:
+        _LAST.clear()
+        _LAST[rollout] = job
+    job = _LAST[rollout]
     if controller_text is None:
         return job.drive(number)
     source = file_in(job.controller)
