@@ -32,7 +32,7 @@ RETRIES = 5
 """Number of times that a chunk is driven again after its worker was lost."""
 
 _KNOCK = 10.0  # [s] for a cluster to answer
-_LAST: dict[str, RolloutJob] = {}  # of a worker, by its rollout: the job that comes with each task is a copy without worlds
+_LAST: dict[str, RolloutJob] = {}  # of a worker, by its rollout: the job that a task brings has no worlds yet
 _AHEAD = 2  # chunks submitted for each core of the cluster: what is finished and not yet fetched stays bounded
 
 

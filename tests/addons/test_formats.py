@@ -29,6 +29,7 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
 from cases import each
+from comparison_worlds import recorded_here
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
@@ -74,7 +75,8 @@ def bytes_changed(content, rng):
     start = rng.randint(0, len(content))
     end = min(len(content), start + rng.choice((0, 1, rng.randint(0, 64), len(content))))
     part = content[start:end]
-    put = rng.choice((b"", part * rng.choice((2, 100, 10_000)), rng.randbytes(min(len(part), 64)), *EXTREMES))
+    repeated = part * min(rng.choice((2, 100, 10_000)), 10**6 // max(1, len(part)) + 1)
+    put = rng.choice((b"", repeated, rng.randbytes(min(len(part), 64)), *EXTREMES))
     return content[:start] + put[: 10**6] + content[end:]
 
 
@@ -193,7 +195,10 @@ def change(path, rng, words=WORDS):
 def limits(seconds=LONGEST, memory=MOST):
     """Raise where more time goes by or more memory is taken; who hangs in C is ended, with its traceback."""
 
+    passed = []
+
     def late(*_):
+        passed.append(seconds)
         raise AssertionError(f"more than {seconds:g} s")
 
     before, now = resource.getrlimit(resource.RLIMIT_AS), Path("/proc/self/statm").read_text().split()[0]
@@ -211,6 +216,7 @@ def limits(seconds=LONGEST, memory=MOST):
         for one, handler in handlers.items():
             signal.signal(one, handler)
         resource.setrlimit(resource.RLIMIT_AS, before)
+    assert not passed, "a limit passed, and what it raised was kept"
 
 
 def judge(use, here, capfd, **most):
@@ -750,6 +756,8 @@ def test_a_file_that_was_changed_is_used_or_refused_in_a_line(name, right, tmp_p
         monkeypatch.chdir(here)
         judge(FORMATS[name].use(here, rng), here, capfd)
 
+    # the limits are those of this process, where planners of labs are driven as well
+    monkeypatch.setattr("fg_mujoco.addons.arena.runs.graded_drive.record", recorded_here)
     attempt()
 
 

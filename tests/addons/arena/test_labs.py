@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from cases import each
-from comparison_worlds import PLANNERS
-from fg_mujoco.addons.arena.runs import recorded_commands
+from comparison_worlds import PLANNERS, recorded_here
+from fg_mujoco.addons.arena.runs import graded_drive, recorded_commands
 from fg_mujoco.addons.arena.runs.checks import CHECKS, nearest_distances
 from fg_mujoco.addons.arena.runs.checks import Drive as CheckedDrive
 from fg_mujoco.addons.arena.study.functions import study
@@ -48,6 +48,16 @@ def here(tmp_path, monkeypatch):
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
     return tmp_path
+
+
+def patch_record(monkeypatch, apart=lambda planner: False):
+    """Let planners be driven in this process, but for those that are said to have one of their own."""
+    each_own = recorded_commands.record
+
+    def record(planner, setup):
+        return (each_own if apart(planner) else recorded_here)(planner, setup)
+
+    monkeypatch.setattr(graded_drive, "record", record)
 
 
 def verdicts(lab, planner):
@@ -128,8 +138,10 @@ track = "fast"
 ONE = LAB.partition("\n[[checks]]\ncheck = \"finishes\"")[0]
 
 
-def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_go_on(here, capsys):
+def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_go_on(here, capsys, monkeypatch):
     (here / "lab.toml").write_text(ONE)
+    apart = ("raises.py", "hangs.py", "kills.py", "exits.py")
+    patch_record(monkeypatch, lambda planner: planner in apart)
     planners = [*FILES, "nothing.py", "two.py:Two", "gap_finder[wide=2]"]
     assert main(["study", "lab.toml", *planners, "--out", "out", "--workers", "1", "--json"]) == 1
     out, err = capsys.readouterr()
@@ -176,11 +188,13 @@ os.chdir(frame.f_locals["folder"])
 time.sleep(60)
 """
 RECORDS = {"text": "open('aside.npz', 'w').write('x')",
-           "pickle": "np.savez('aside.npz', commands=np.array([print], object), end=np.zeros(1, np.uint8))",
-           "words": "np.savez('aside.npz', commands=np.array([['a', 'b', 'c']]), end=np.frombuffer(b'null', np.uint8))",
-           "end": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'[1, 2]', np.uint8))",
            "nan": "np.savez('aside.npz', commands=np.full((9, 3), np.nan), end=np.frombuffer(b'null', np.uint8))",
            "short": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'null', np.uint8))"}
+UNREADABLE = {
+    "pickle": "np.savez('aside.npz', commands=np.array([print], object), end=np.zeros(1, np.uint8))",
+    "words": "np.savez('aside.npz', commands=np.array([['a', 'b', 'c']]), end=np.frombuffer(b'null', np.uint8))",
+    "end": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'[1, 2]', np.uint8))",
+}  # fmt: skip
 
 
 def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here):
@@ -197,6 +211,7 @@ def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here)
 @each("name", HOSTILE)
 def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeypatch):
     monkeypatch.setattr(recorded_commands, "_SILENT", 4.0)
+    patch_record(monkeypatch, lambda planner: planner == name)
     text, said = HOSTILE[name]
     (here / name).write_text(text)
     (here / "lab.toml").write_text(ONE)
@@ -205,6 +220,10 @@ def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeyp
 
 
 def test_a_record_that_a_planner_wrote_itself_has_no_points(here):
+    for name, text in UNREADABLE.items():
+        exec(text, {"np": np})
+        read = recorded_commands._read(here / "aside.npz")
+        assert (read.failed, len(read.commands)) == ("worker_died", 0) and read.message, name
     for name, text in RECORDS.items():
         (here / f"{name}.py").write_text(WRITES.format(record=f"{text}; os.replace('aside.npz', 'record.npz')"))
     (here / "lab.toml").write_text(ONE)
@@ -213,13 +232,15 @@ def test_a_record_that_a_planner_wrote_itself_has_no_points(here):
 
 
 def test_an_error_in_a_check_fails_that_drive(here, monkeypatch):
+    patch_record(monkeypatch)
     monkeypatch.setattr(CHECKS["finishes"], "judge", lambda self, drive: {}["steering"])
     (here / "lab.toml").write_text(LAB)
     (found,) = study("lab.toml", "good.py", out="out", workers=1).sums
     assert found["points"] == 2 and found["measured"] == "the drive cannot be judged: KeyError: 'steering'"
 
 
-def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
+def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here, monkeypatch):
+    patch_record(monkeypatch)
     (here / "lab.toml").write_text(ONE)
     assert study("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 2
     assert study("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 0
