@@ -136,6 +136,8 @@ def pytest_xdist_auto_num_workers():
 
 
 def pytest_configure(config):
+    # not of pyproject.toml, for which pytest would import the package, and numpy with it, before this file
+    config.addinivalue_line("filterwarnings", "ignore::fg_mujoco.errors.Note")
     if hasattr(config.option, "loadscopereorder"):  # pytest-xdist's own order starts with the files of most tests
         config.option.loadscopereorder = False
 

@@ -102,14 +102,14 @@ def test_a_planner_that_fails_is_a_row_and_the_others_go_on(capsys):
     failed = comparison.rows[-1].car
     assert failed.message == f"ValueError: no more (planners.py, line {FAILS_AT}), t = 0.200 s"
     assert failed.time_s == pytest.approx(0.2) and failed.distance_m > 0.0 and not failed.success
-    words = "compare --controller planners.py:Broken --track oval --laps 1 --time-limit 0.6 --out told"
+    words = "compare --controller planners.py:Broken --track oval --laps 1 --time-limit 0.6 --workers 1 --out told"
     assert main(words.split()) == 0
     assert capsys.readouterr().out.count(f"planners.py:Broken failed, first: {failed.message}\n") == 1
 
 
 def test_a_comparison_has_the_settings_of_a_run_folder_and_its_own_planners(capsys):
     fg.write_run(fg.race("oval", "planners.py:Gentle", laps=1, time_limit=0.2, mu=0.7), "raced")
-    words = ["compare", "--config", "raced", "--track", "oval", "--seed", "0", "--out"]
+    words = ["compare", "--config", "raced", "--track", "oval", "--seed", "0", "--workers", "1", "--out"]
     assert main([*words, "some", "--controller", "gap_finder,planners.py:Gentle"]) == 0
     assert main([*words, "bundled"]) == 0  # the planner of the folder is none of them
     out = capsys.readouterr().out
@@ -325,7 +325,7 @@ def test_planners_are_compared_without_stages_unless_they_or_the_call_ask_for_so
     assert [row.place["assist"] for row in both.rows] == ["none", "full", "none"]
     assert both.rows[1].trajectory_sha256 == fg.race("oval", laps=1, time_limit=0.2).trajectory_sha256
     assert both.head == "comparison: 3 runs, assist none, full"
-    words = "compare --controller gap_finder --track oval --laps 1 --time-limit 0.2 --seed 0 --out called"
+    words = "compare --controller gap_finder --track oval --laps 1 --time-limit 0.2 --seed 0 --workers 1 --out called"
     main([*words.split(), "--assist", "none", "--assist", "full"])
     text = (here / "called" / "table.html").read_text("utf-8")
     assert text.count("comparison: 2 runs, assist none, full") == 2 and "gap_finder, assist full, oval" in text
@@ -408,7 +408,7 @@ def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     assert err == "fg-mujoco: out: interrupted; the same command goes on\n"
     found = len((here / "out/runs.jsonl").read_text().splitlines())
     assert 0 <= found < 20  # the line may just be on its way
-    assert main(["compare", *arguments, "--json", "--seed", f"0:{found + 1}"]) == 0
+    assert main(["compare", *arguments, "--json", "--workers", "1", "--seed", f"0:{found + 1}"]) == 0
 
 
 # suites
