@@ -209,10 +209,10 @@ def here(tmp_path, monkeypatch):
 
 @contextlib.contextmanager
 def plain_runs():
-    """Let `race --out` leave out the picture and the page, which take longer to draw than a short race to drive."""
+    """Let commands leave out the picture and the page of a run, which take longer to draw than a short race to drive."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fg_mujoco.cli.race.check_out", lambda folder: False)
-        patch.setattr("fg_mujoco.cli.race.write_page", lambda folder: None)
+        patch.setattr("fg_mujoco.pictures.plots.trace_picture", None)
+        patch.setattr("fg_mujoco.from_addons.report_race", lambda folder: None, raising=False)
         yield
 
 

@@ -1,4 +1,4 @@
-"""Drives of an independent single-track car with Magic Formula axles, by SciPy's solver, and its noisy sensors.
+"""Drives of an independent single-track car with Magic Formula axles, and its noisy sensors.
 
 CommonRoad's equations as in ForzaETH's On-Track-SysID, with a first-order lag of the steering. Nothing of fg_mujoco's
 own model is used: only the containers that a drive is handed over in.
@@ -8,13 +8,14 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from fg_mujoco.addons.realcar.drives.channels import Channel
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 FINE = 0.005  # [s] between the states that are kept
+FINER = 4  # steps from one to the next
+STEP = FINE / FINER
 _SOLVED = {}
 
 
@@ -96,8 +97,8 @@ def _solve(commands, tires, lag, gain, offset, rate):
     time, steering, speed = commands
     steering = steering.copy()
 
-    def motion(t, state, command, wanted):  # of numbers of Python, which are ten times as fast here as those of numpy
-        _, _, heading, vx, vy, r, delta = state.tolist()
+    def motion(state, command, wanted):  # of numbers of Python, which are ten times as fast here as those of numpy
+        _, _, heading, vx, vy, r, delta = state
         drive = min(max(5.0 * (wanted - vx), -6.0), 6.0)  # of rear wheels, per mass
         safe = max(vx, 0.8)  # below 1 m/s nothing is identified
         slip_f, slip_r = delta - math.atan2(vy + lf * r, safe), -math.atan2(vy - lr * r, safe)
@@ -112,25 +113,32 @@ def _solve(commands, tires, lag, gain, offset, rate):
         turn = (lf * force_f * cos_delta - lr * force_r) / inertia
         steer = min(max((gain * command + offset - delta) / lag, -rate), rate)
         cos, sin = math.cos(heading), math.sin(heading)
-        return np.array((vx * cos - vy * sin, vx * sin + vy * cos, r, ax + vy * r, ay - vx * r, turn, steer))
+        return vx * cos - vy * sin, vx * sin + vy * cos, r, ax + vy * r, ay - vx * r, turn, steer
 
-    state = np.array((0.0, 0.0, 0.0, 3.0, 0.0, 0.0, offset))
+    def moved(state, rates, seconds):
+        return [value + seconds * change for value, change in zip(state, rates, strict=True)]
+
+    state = [0.0, 0.0, 0.0, 3.0, 0.0, 0.0, offset]
     states, accelerations, caught = [], [], False
-    within = np.arange(5) * FINE
     for tick in range(len(time) - 1):
-        slides = abs(np.arctan2(state[4], state[3]))
+        slides = abs(math.atan2(state[4], state[3]))
         caught = slides > 0.35 or (caught and slides > 0.1)
         if caught:
-            along = np.arctan2(state[4] + lf * state[5], state[3]) if state[3] > 1.0 else 0.0
-            steering[tick] = np.clip((along - offset) / gain, -0.4, 0.4)
+            along = math.atan2(state[4] + lf * state[5], state[3]) if state[3] > 1.0 else 0.0
+            steering[tick] = min(max((along - offset) / gain, -0.4), 0.4)
         inputs = (float(steering[tick]), float(speed[tick]))
-        found = solve_ivp(motion, (0.0, 0.025), state, t_eval=[*within, 0.025], rtol=1e-7, atol=1e-9, args=inputs)
-        assert found.success
-        for each in found.y[:, :-1].T:
-            rates = motion(0.0, each, *inputs)
-            states.append(each)
-            accelerations.append((rates[3] - each[4] * each[5], rates[4] + each[3] * each[5]))
-        state = found.y[:, -1]
+        for number in range(5 * FINER):  # of Runge and Kutta, of the fourth order
+            first = motion(state, *inputs)
+            if number % FINER == 0:
+                states.append(state)
+                accelerations.append((first[3] - state[4] * state[5], first[4] + state[3] * state[5]))
+            second = motion(moved(state, first, 0.5 * STEP), *inputs)
+            third = motion(moved(state, second, 0.5 * STEP), *inputs)
+            last = motion(moved(state, third, STEP), *inputs)
+            state = [
+                value + STEP / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+                for value, a, b, c, d in zip(state, first, second, third, last, strict=True)
+            ]
     return steering, np.array(states).T, np.array(accelerations).T
 
 
