@@ -209,7 +209,7 @@ def here(tmp_path, monkeypatch):
 
 @contextlib.contextmanager
 def plain_runs():
-    """Let commands leave out the picture and the page of a run, which take longer to draw than a short race to drive."""
+    """Let commands leave out a run's picture and page, which take longer to draw than a short race to drive."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fg_mujoco.pictures.plots.trace_picture", None)
         patch.setattr("fg_mujoco.from_addons.report_race", lambda folder: None, raising=False)

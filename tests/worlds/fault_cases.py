@@ -5,6 +5,7 @@ line, how it is turned, how fast it is, and what it is commanded from when on. `
 kinematic bicycle until they touch; the tests of race control stage the same cases in the simulator.
 """
 
+import functools
 import math
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,7 @@ from fg_mujoco.simulation.cars import footprint
 
 CAR = fg.World("oval").parameters
 LOCK = CAR.max_steering_angle
+REACH = math.hypot(CAR.length, CAR.width)  # [m] of a car from the middle of its rear axle, at most
 MIDDLE = 0.5 * CAR.length - CAR.rear_overhang  # [m] of the chassis, ahead of the rear axle
 TICK, STEP = 0.025, 0.005  # [s]
 GRIP = 10.0  # [m/s^2]
@@ -180,14 +182,15 @@ def staged(case, *, mirrored=False, swapped=False):
     return drives, wanted
 
 
+@functools.cache
 def paths(drives, longest=3.0):
     """Return the times (k,) and the poses of the rear axles (k, 2, 3) at ticks until two cars touch, and then."""
     poses = [np.array([drive.s - MIDDLE * math.cos(drive.heading), drive.offset - MIDDLE * math.sin(drive.heading),
                        drive.heading, drive.speed, 0.0]) for drive in drives]  # fmt: skip
     times, kept = [], []
     for step in range(round(longest / STEP)):
-        time, shapes = step * STEP, [footprint(pose[:3], CAR) for pose in poses]
-        touch = apart(*shapes) <= 0.0
+        time = step * STEP
+        touch = math.dist(poses[0][:2], poses[1][:2]) < 2.0 * REACH and apart(poses) <= 0.0
         if touch or step % round(TICK / STEP) == 0:
             times.append(time)
             kept.append([pose[:3].copy() for pose in poses])
@@ -207,16 +210,17 @@ def paths(drives, longest=3.0):
     raise AssertionError("the cars do not touch")
 
 
-def apart(first, second):
-    """Return how far two shapes are apart along the contact's normal [m]."""
+def apart(poses):
+    """Return how far two cars are apart along the contact's normal [m]."""
+    first, second = (footprint(pose[:3], CAR) for pose in poses)
     normal = contact_normal(first, second)
     return float((second @ normal).min() - (first @ normal).max())
 
 
 def incident(case, *, mirrored=False, swapped=False, turned=0.0, moved=0.0):
     """Return the incident of a case as its drives end; `turned` as a whole by no more than the frame's name."""
-    drives, _ = staged(case, mirrored=mirrored, swapped=swapped)
-    times, poses = paths(drives)
+    times, poses = paths(staged(case, mirrored=mirrored)[0])
+    poses = poses[:, ::-1] if swapped else poses
     recent = times >= times[-1] - fault.LOOK_BACK - 1e-9
     times, poses = times[recent], poses[recent]
     normal = contact_normal(*(footprint(poses[-1, car], CAR) for car in (0, 1)))
