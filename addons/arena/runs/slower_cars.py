@@ -19,6 +19,7 @@ that it would drive there.
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -27,6 +28,7 @@ import numpy as np
 
 from fg_mujoco.course.projection import follow
 from fg_mujoco.course.track import Track
+from fg_mujoco.errors import Note
 from fg_mujoco.messages import (
     CarParameters,
     Controller,
@@ -195,7 +197,9 @@ def make_opponent(
         path = lines / "line.csv"
         write_line(path, lane_line(track, context.car, kind))
         settings = {"line": str(path)}
-    planner = make_controller("pure_pursuit", context, settings=settings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Note)  # the file is none of the user's
+        planner = make_controller("pure_pursuit", context, settings=settings)
     if pace is None:
         return Scaled(planner, share)
     if kind == "blocking":
@@ -257,5 +261,6 @@ def least_curvature(track: Track, car: CarParameters, lane: tuple[float, float] 
 
 def _second_difference(points: FloatArray) -> FloatArray:
     """Return the curvature vectors of a closed line at its points, (n, 2)."""
-    bend: FloatArray = np.roll(points, 1, axis=0) - 2.0 * points + np.roll(points, -1, axis=0)
+    closed = np.concatenate((points[-1:], points, points[:1]))
+    bend: FloatArray = closed[:-2] - 2.0 * points + closed[2:]
     return bend

@@ -152,7 +152,7 @@ def test_a_study_of_duels_has_a_cell_of_their_outcomes(tmp_path):
 
 def test_a_duel_that_is_decided_is_no_failure_and_its_opponents_line_no_news(tmp_path, capsys):
     (tmp_path / "duels.toml").write_text(SUITE.replace("centreline", "raceline").replace("0, 1", "0"))
-    assert main(["study", str(tmp_path / "duels.toml"), "overtaker"]) == 0
+    assert main(["study", str(tmp_path / "duels.toml"), "overtaker", "--workers", "1"]) == 0
     said = capsys.readouterr()
     assert "failed" not in said.out and said.err == ""
 
@@ -177,8 +177,7 @@ def test_the_example_has_the_2400_duels_of_its_source_each_once():
     few = plan(suite, ["overtaker"], every=24)
     assert len(few) == 100 and {run.place["speed"] for run in few} == {0.5, 0.6, 0.7, 0.8}
     assert {run.place["opponent"] for run in few} == {"right", "middle", "left"}
-    assert [run.key for run in few] == [run.key for run in plan(suite, ["overtaker"], every=24)]
-    both = plan(replace(suite, assists=("safe", "full")), ["overtaker"], every=24)  # each in the same conditions
+    both = plan(replace(suite, assists=("safe", "full")), ["overtaker"], every=24)  # the same lots again, for each
     assert [run.place | {"assist": ""} for run in both] == 2 * [run.place | {"assist": ""} for run in few]
 
 
