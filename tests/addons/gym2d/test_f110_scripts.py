@@ -10,6 +10,7 @@ import textwrap
 import pytest
 
 from cases import each
+from fg_mujoco.addons.gym2d import running
 from fg_mujoco.course.maps.map_track import read_map
 from map_oracles import draw_map, ring
 
@@ -175,16 +176,16 @@ def test_without_gymnasium_the_command_that_installs_it_is_named(folder):
     assert "environments of f1tenth_gym need Gymnasium: " in error and "[gym]" in error
 
 
-def test_an_error_of_the_script_is_its_own(folder):
+def test_an_error_of_the_script_is_its_own(folder, capsys):
     out, error, status = run(folder, "import gym\n\n1 / 0\n")
     assert status == 1 and out == ""
     assert (error.startswith('Traceback (most recent call last):\n  File "script.py", line 3')
             and "fg_mujoco" not in error)  # fmt: skip
     assert run(folder, "import sys\nsys.exit(7)\n")[2] == 7
-    assert "error: nowhere.py: No such file" in run(folder, "", name="x.py", options=("nowhere.py",))[1]
+    assert running.main(["nowhere.py"]) == 2 and "error: nowhere.py: No such file" in capsys.readouterr().err
 
 
-def test_maps_vehicle_and_tires_are_those_of_the_command(folder):
+def test_maps_vehicle_and_tires_are_those_of_the_command(folder, capsys):
     tracks = folder / "tracks"
     tracks.mkdir()
     for suffix in (".yaml", ".png"):
@@ -197,8 +198,8 @@ def test_maps_vehicle_and_tires_are_those_of_the_command(folder):
     """
     options = ("--maps", "tracks", "--tires", "f1tenth_gym", "--vehicle", "nuc2")
     assert run(folder, text, options=options)[0] == "2 True f1tenth_gym nuc2\n"
-    refused = run(folder, text, options=("--tires", "rubber"))
-    assert refused[2] == 2 and refused[1].startswith("error: tires 'rubber' are not known")
+    assert running.main(["--tires", "rubber", str(folder / "script.py")]) == 2
+    assert capsys.readouterr().err.startswith("error: tires 'rubber' are not known")
 
 
 def test_gymnasium_stays_itself_and_has_the_environments(folder):

@@ -1,5 +1,6 @@
 """The pages of reports: whole, self-contained, refused where they cannot be; in a browser, cursor and switches."""
 
+import functools
 import importlib.util
 import json
 import re
@@ -12,6 +13,7 @@ from browsers import opened
 from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MissingExtraError, RunFolderError, install_command
+from fg_mujoco.racing import run_folder
 from pages import MARKUP, Page
 from refusals import refused
 
@@ -53,7 +55,8 @@ def test_page_says_how_the_race_went_runs_its_own_scripts_by_hash_and_loads_noth
 
 
 @each("begins, at", [(0.0, "0.000"), (0.09, "0.100")])
-def test_page_says_that_the_planner_did_not_answer(begins, at, here):
+def test_page_says_that_the_planner_did_not_answer(begins, at, here, monkeypatch):
+    monkeypatch.setattr("fg_mujoco.pictures.plots.trace_picture", None)  # the page is what is looked at
     (here / "planner.py").write_text("from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
                                      "    def __call__(self, scan, odometry):\n"
                                      f"        while scan.stamp >= {begins}: pass\n        return STOP\n")  # fmt: skip
@@ -166,8 +169,9 @@ def with_markup(value, path):
     return copy
 
 
-def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
-    """Each is in the page as text, or is refused by its name."""
+def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys, monkeypatch):
+    """Each is in the page as text, or is refused by its name; the telemetry stays what it is and is read once."""
+    monkeypatch.setattr(run_folder, "_read_telemetry", functools.cache(run_folder._read_telemetry))
     summary = json.loads((folder / "summary.json").read_text())
     copy = tmp_path / "run"
     shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("report.html"))
