@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -396,21 +397,10 @@ class Recording:
 
     def _store(self, channel: Channel) -> Any:
         """Return the types of a channel: the bag's own definition, or those of a distribution of ROS."""
-        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-
         wrong = ""
         if channel.definition:
             try:
-                store = get_typestore(Stores.EMPTY)
-                if "idl" in channel.language:
-                    for text in re.split(r"^=+\n", channel.definition, flags=re.MULTILINE):
-                        body = re.sub(r"\AIDL: .*\n", "", text)
-                        if body.strip():
-                            store.register(get_types_from_idl(body))
-                else:
-                    store.register(get_types_from_msg(channel.definition, channel.kind))
-                _ = store.fielddefs[channel.kind]
-                return store
+                return _types_of(channel.definition, channel.kind, idl="idl" in channel.language)
             except Exception as error:  # of whatever is written there
                 wrong = f"its definition in the bag cannot be read ({type(error).__name__})"
         distribution = next((file.distribution for file in self._files if file.distribution), self._distribution)
@@ -421,6 +411,23 @@ class Recording:
         if wrong:
             self.warn(f"{channel.kind} on {channel.topic}: {wrong}; the usual one is taken")
         return store
+
+
+@lru_cache(maxsize=64)
+def _types_of(definition: str, kind: str, *, idl: bool) -> Any:
+    """Return the types of a definition in a bag. Their code is made once for all bags that have the same."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    if idl:
+        for text in re.split(r"^=+\n", definition, flags=re.MULTILINE):
+            body = re.sub(r"\AIDL: .*\n", "", text)
+            if body.strip():
+                store.register(get_types_from_idl(body))
+    else:
+        store.register(get_types_from_msg(definition, kind))
+    _ = store.fielddefs[kind]
+    return store
 
 
 def _rank(topic: Topic) -> tuple[int, str]:
