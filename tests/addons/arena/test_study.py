@@ -108,7 +108,7 @@ def test_a_planner_that_fails_is_a_row_and_the_others_go_on(capsys):
 
 
 def test_a_comparison_has_the_settings_of_a_run_folder_and_its_own_planners(capsys):
-    fg.write_run(fg.race("oval", "planners.py:Gentle", laps=1, time_limit=0.2, mu=0.7), "raced")
+    fg.write_run(fg.race("oval", "planners.py:Gentle", laps=1, time_limit=0.2, mu=0.7), "raced", picture=False)
     words = ["compare", "--config", "raced", "--track", "oval", "--seed", "0", "--workers", "1", "--out"]
     assert main([*words, "some", "--controller", "gap_finder,planners.py:Gentle"]) == 0
     assert main([*words, "bundled"]) == 0  # the planner of the folder is none of them

@@ -194,7 +194,7 @@ def test_files_that_cannot_be_read_are_refused_in_one_line(tmp_path):
 def test_a_run_gives_what_its_car_measured(tmp_path):
     run = fg.race("oval", laps=1, time_limit=4.0)
     folder = tmp_path / "run"
-    fg.write_run(run, folder)
+    fg.write_run(run, folder, picture=False)
     drive = read_drive(folder)
     rows = drive.rows
     assert drive.layout == "run" and rows.beams.shape[1] == 1081 and len(drive.steering.time) == len(run.ctrl)
