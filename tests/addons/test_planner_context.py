@@ -78,7 +78,8 @@ def in_live_view(setup):
 
 
 def in_environment(planner):
-    env = pytest.importorskip("fg_mujoco.envs.gym_environment").F1TenthEnv(track="oval", opponents=[entry(planner)])
+    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment", exc_type=ImportError)
+    env = gym_environment.F1TenthEnv(track="oval", opponents=[entry(planner)])
     env.reset(seed=0)
     for _ in range(8):
         env.step(np.zeros(2))

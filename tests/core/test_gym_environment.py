@@ -27,6 +27,8 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
 
+DM_ENV = "fg_mujoco.envs.dm_environment"
+
 CAR = car_parameters(fg.World("oval").model, "car/")
 
 
@@ -146,7 +148,7 @@ FACES = {  # how it is made, what a reset and a step return
         lambda env: env.reset(seed=1)[0], lambda env, action: env.step(dict.fromkeys(env.agents, action))[0],
     ),
     "dm_env": (
-        lambda: pytest.importorskip("fg_mujoco.envs.dm_environment").load("oval", seed=1, beam_step=60),
+        lambda: pytest.importorskip(DM_ENV, exc_type=ImportError).load("oval", seed=1, beam_step=60),
         lambda env: env.reset().observation, lambda env, action: env.step(action).observation,
     ),
 }  # fmt: skip

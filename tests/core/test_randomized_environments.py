@@ -13,7 +13,7 @@ from fg_mujoco.envs.builds import BuildPlan
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.racing.randomization import PARAMETERS
 
-gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
+gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment", exc_type=ImportError)
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
 F1TenthEnv = gym_environment.F1TenthEnv

@@ -418,7 +418,8 @@ def test_what_is_late_or_no_number_is_observed_within_the_space(face, shape):
                "opponents", "lidar"]  # fmt: skip
     settings = {"track": "oval", "beam_step": 180, "sensors": sensors, "observation": f"scan,speed{shape}"}
     if face == "dm_env":
-        env = pytest.importorskip("fg_mujoco.envs.dm_environment").load(**settings, flat_observation=bool(shape))
+        dm_environment = pytest.importorskip("fg_mujoco.envs.dm_environment", exc_type=ImportError)
+        env = dm_environment.load(**settings, flat_observation=bool(shape))
         seen = [env.reset().observation, *(env.step(action).observation for _ in range(6))]
         space = gymnasium.spaces.Dict(
             {name: gymnasium.spaces.Box(spec.minimum, spec.maximum) for name, spec in env.observation_spec().items()}

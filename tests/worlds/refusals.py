@@ -43,7 +43,7 @@ def classes_that_validate(package, given):
         try:
             kinds = vars(importlib.import_module(module.name)).values()
         except (ImportError, FgMujocoError):
-            assert ".addons" in package.__name__  # what it needs is not installed
+            assert ".addons" in package.__name__ or module.name.endswith(".dm_environment")  # needs what is not here
             continue
         for kind in kinds:
             own = isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.name

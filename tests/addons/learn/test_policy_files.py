@@ -69,7 +69,7 @@ def test_a_file_answers_as_its_network_by_hand(settings, tmp_path):
 
 @each("form, settings", product(("policy", "policy.onnx"), (FLAT, PARTS)))
 def test_it_commands_in_a_race_what_it_commands_in_the_environment(form, settings, tmp_path):
-    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
+    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment", exc_type=ImportError)
     controller = written(tmp_path / form, settings)
     race_as_environment(gym_environment.F1TenthEnv(track="hairpins", start="line", **settings), controller, 40)
 
