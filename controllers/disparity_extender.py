@@ -34,8 +34,7 @@ from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, Record, setting, setting_of_car
 from .perception.gaps import disparities, furthest_beam
-from .perception.intermediate_scans import IntermediateScans
-from .perception.scan_filters import bubble_beams, extend_disparities, greatest_beam
+from .perception.scan_filters import IntermediateScans, bubble_beams, extend_disparities, greatest_beam
 from .perception.scan_geometry import beams_between, bearing_of
 
 _ABEAM = 0.5 * math.pi  # [rad] goals are ahead of it, and the car's side behind

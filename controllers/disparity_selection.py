@@ -31,8 +31,14 @@ from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car, setting_of_method
 from .perception.gaps import chord, deepest_run, disparities, longest_run, middle_of, range_at
-from .perception.intermediate_scans import IntermediateScans, write_debug_run
-from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest
+from .perception.scan_filters import (
+    IntermediateScans,
+    clip_to_lookahead,
+    greatest_beam,
+    mask_bubble,
+    mask_nearest,
+    write_debug_run,
+)
 from .perception.scan_geometry import beams_between, bearing_of
 
 

@@ -35,8 +35,15 @@ from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car, setting_of_method
 from .perception.gaps import deepest_run, longest_run, middle_of, range_at
-from .perception.intermediate_scans import IntermediateScans, write_debug_run
-from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest, mask_points
+from .perception.scan_filters import (
+    IntermediateScans,
+    clip_to_lookahead,
+    greatest_beam,
+    mask_bubble,
+    mask_nearest,
+    mask_points,
+    write_debug_run,
+)
 from .perception.scan_geometry import beams_between, bearing_of
 
 

@@ -38,8 +38,8 @@ from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .control.stages import NativeStep
 from .perception.gaps import run_around
-from .perception.intermediate_scans import IntermediateScans, write_debug_run
 from .perception.scan_filters import (
+    IntermediateScans,
     clip_to_lookahead,
     extend_disparities,
     greatest_beam,
@@ -47,6 +47,7 @@ from .perception.scan_filters import (
     prioritise_centre,
     rolling_mean,
     safety_bubbles,
+    write_debug_run,
 )
 from .perception.scan_geometry import beams_between, bearings_of
 

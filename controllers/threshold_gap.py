@@ -38,7 +38,7 @@ from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting, setting_of_method
 from .perception.gaps import middle_of, range_at, runs_beyond
-from .perception.intermediate_scans import IntermediateScans, write_debug_run
+from .perception.scan_filters import IntermediateScans, write_debug_run
 from .perception.scan_geometry import beams_between, bearing_of
 
 

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from fg_mujoco.messages import FloatArray, LaserScan
-from fg_mujoco.record_views import views
+from fg_mujoco.native_arrays import views
 
 from .control.driving import DrivingSettings
 from .control.planner import Planner

@@ -35,8 +35,7 @@ from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .perception.gaps import runs_beyond
-from .perception.intermediate_scans import IntermediateScans, write_debug_run
-from .perception.scan_filters import widen_all
+from .perception.scan_filters import IntermediateScans, widen_all, write_debug_run
 from .perception.scan_geometry import beams_between, bearing_of
 
 

@@ -28,14 +28,13 @@ import math
 from dataclasses import dataclass
 
 from fg_mujoco.messages import FloatArray, LaserScan, Odometry
-from fg_mujoco.record_views import views
+from fg_mujoco.native_arrays import views
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
 from .perception.gaps import chord, disparities, furthest_beam
-from .perception.intermediate_scans import IntermediateScans
-from .perception.scan_filters import valid_ranges
+from .perception.scan_filters import IntermediateScans, valid_ranges
 from .perception.scan_geometry import beams_between, bearing_of, geometry_record, sees
 
 

@@ -21,8 +21,8 @@ from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # then: i
 # isort: split
 from .arguments import explained as _explained
 from .envs import register_once_imported as _register_once_imported
+from .errors import gone as _gone
 from .errors import nearest as _nearest
-from .gone import gone as _gone
 from .registry import added as _added
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
-from .errors import ArgumentError, SettingsError, accepted_names, nearest
-from .gone import gone
+from .errors import ArgumentError, SettingsError, accepted_names, gone, nearest
 
 if TYPE_CHECKING:
     from typing_extensions import Self

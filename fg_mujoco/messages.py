@@ -474,7 +474,7 @@ class PlannerContext:
     map_line: MapLine | None = None  # the line through the course; None: there is no map
     sensors: tuple[str, ...] = ()  # names of the sensors whose readings are in its odometry
     lidar: ScanGeometry | None = None  # the constant part of its scans; None: not known, as on a car
-    assist: str = "full"  # stages between its reference and its command, see controllers.control.assist
+    assist: str = "full"  # stages between its reference and its command, see controllers.control.stages
 
     def __post_init__(self) -> None:
         require(self, lambda value: value > 0.0, "a positive number, or inf", ("mu",), MessageError)

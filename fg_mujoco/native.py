@@ -6,7 +6,10 @@ the types that `_native.pyi` names, and never a copy of one.
 
 from __future__ import annotations
 
+import ctypes
 import platform
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -14,7 +17,7 @@ import numpy as np
 from .errors import EngineError
 from .interrupts import end_command
 
-__all__ = ["check_record", "core", "load_mujoco", "record"]
+__all__ = ["check_record", "core", "load_mujoco", "mujoco_library", "record"]
 
 _INTERFACE = 1  # FG_INTERFACE of native/CMakeLists.txt
 _MENDED_BY = "to build it: make native in a checkout, else pip install --force-reinstall --no-deps fg-mujoco"
@@ -48,6 +51,27 @@ if TYPE_CHECKING:
     from . import _native as core
 else:
     core = _loaded()
+
+
+@cache
+def mujoco_library() -> ctypes.CDLL:
+    """Return the MuJoCo library of the Python package, whose functions the core calls from then on.
+
+    Raises:
+      EngineError: there is none beside the package, or as of `load_mujoco`.
+    """
+    import mujoco
+
+    folder = Path(mujoco.__file__).parent
+    names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
+    path = next((str(path) for name in names for path in sorted(folder.glob(name))), None)
+    if path is None:
+        raise EngineError(f"there is no MuJoCo library in {folder}; accepted: the package `mujoco` as pip installs it")
+    load_mujoco(path)
+    library = ctypes.CDLL(path)
+    # The package has MuJoCo ask for the time some fifty times a tick, for MjData.timer, which nobody reads.
+    ctypes.c_void_p.in_dll(library, "mjcb_time").value = None
+    return library
 
 
 def load_mujoco(path: str) -> None:

@@ -20,9 +20,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fg_mujoco.controllers.control.assist import SAFE
 from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, record_type, setting
-from fg_mujoco.controllers.control.stages import NativeStep
+from fg_mujoco.controllers.control.stages import SAFE, NativeStep
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.messages import Reading
 from fg_mujoco.native import core

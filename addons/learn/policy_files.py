@@ -24,8 +24,7 @@ from fg_mujoco.course.files import is_folder, read_bytes
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.display import brief, quoted
 from fg_mujoco.envs.policy_interface import PolicyInterface
-from fg_mujoco.errors import ControllerError, SettingsError
-from fg_mujoco.gone import gone
+from fg_mujoco.errors import ControllerError, SettingsError, gone
 from fg_mujoco.messages import shown
 from fg_mujoco.racing.planners import POLICY_ENDINGS, POLICY_FILE
 from fg_mujoco.simulation.planner_failure import one_line

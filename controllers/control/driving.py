@@ -24,8 +24,7 @@ from ..safety.judge import JUDGE, JudgeSettings
 from ..safety.plan_in_time import PLAN_IN_TIME
 from ..safety.predictions import MOST_LATE, PREDICTIONS
 from ..safety.recovery import RECOVERY, RecoverySettings
-from .actuation import SPEEDOMETER
-from .assist import names_in
+from .decision import SPEEDOMETER
 from .planner_settings import (
     CAR_RECORD,
     FROM_ZERO,
@@ -41,6 +40,7 @@ from .planner_settings import (
 )
 from .reasons import REASONS
 from .slip import VELOCITY_FRAME
+from .stages import names_in
 
 SOURCE, BY_BEARING = 1, 1
 """Indices of the words of `method` and of `steering` in the records of settings."""
@@ -149,7 +149,7 @@ REFERENCE = record(
         ("own_speed", np.float64),  # [m/s] before any speed law
         ("plan", np.int64),  # of the tracker mpc, by which it is: 0 this tick's, 1 the last one, 2 none: the car brakes
         ("limit", np.float64),  # [m/s] greatest, whatever guidance makes of the rest; inf: none
-        ("lane", np.float64, (MOST_LANE, 4)),  # motion beside another car, which guidance leaves, as in `tracking`
+        ("lane", np.float64, (MOST_LANE, 4)),  # motion beside another car, which guidance leaves, as in motions
         ("lane_points", np.int64),  # of the lane; 0: there is none
     ],
 )

@@ -45,18 +45,16 @@ from fg_mujoco.messages import (
     shown,
 )
 
-from ..perception.intermediate_scans import IntermediateScans
-from ..perception.scan_filters import valid_ranges
+from ..perception.scan_filters import IntermediateScans, valid_ranges
 from ..perception.scan_geometry import sees
 from ..safety.braking_trajectories import BrakingTrajectories
 from ..safety.friction_limiter import EVASIVE, FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
-from .assist import ASSISTS, STAGES, names_in, stages_of
 from .driving import DrivingSettings, driver_record, refer, refer_to_goal
 from .planner_batch import PlannerBatch
 from .planner_settings import for_car, for_method, record_type, record_values
 from .reasons import Reason
-from .stages import NO_MEMORY, NativeStep, Stage, Step, Tick
+from .stages import ASSISTS, NO_MEMORY, STAGES, NativeStep, Stage, Step, Tick, names_in, stages_of
 
 _motion_of = attrgetter(*ODOMETRY.names or ())
 
@@ -87,7 +85,7 @@ class Planner(Remade):
       latency: from measuring a scan to its command reaching the servos [s].
       period: from one scan to the next [s].
       line: through the map, one row a point, (points, columns); None: it has no map.
-      assist: its stages, see control.assist, unless its settings name others.
+      assist: its stages, see control.stages, unless its settings name others.
 
     Attributes:
       settings: those of the planner; what they leave to the car is that of `car`, and what to the method its.

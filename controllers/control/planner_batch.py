@@ -22,13 +22,12 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.array_table import ArrayTable
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import ODOMETRY, FloatArray, LaserScan, Reading, ScanGeometry
 from fg_mujoco.native import core
-from fg_mujoco.record_views import views
+from fg_mujoco.native_arrays import ArrayTable, views
 
-from ..perception.intermediate_scans import IntermediateScans
+from ..perception.scan_filters import IntermediateScans
 from ..perception.scan_geometry import SCAN_GEOMETRY, geometry_values
 from ..safety.braking_trajectories import TRAJECTORIES
 from .driving import DRIVING_MEMORY, TICK

@@ -35,7 +35,7 @@ from fg_mujoco.messages import CarParameters, require
 from fg_mujoco.native import record
 
 Record = Any
-"""A row of a structured array, or a view of one whose fields are attributes (record_views)."""
+"""A row of a structured array, or a view of one whose fields are attributes (native_arrays)."""
 
 _F1TENTH_WHEELBASE = 0.3302  # [m] of the car on which the settings of the car were found
 F1TENTH_STEERING = 0.02

@@ -1,6 +1,6 @@
 """Speed laws: how fast the car may go, by what the scan shows and by what the tires hold.
 
-They are stages (assist):
+They are stages:
 
 mean_range       by the mean range towards the goal over the lookahead
 distance_ahead   by the distance straight ahead: stop, full speed, and in between in proportion

@@ -32,7 +32,7 @@ RING = SIZE - 1
 CELL = 0.1  # [m]
 KIND, UNKNOWN, FREE, WALL = 3, 0, 1, 2
 NEARNESS, WALL_IN_4, WALL_IN_2, WALL_IN_1 = 12, 4, 8, 12
-"""Bits of a cell, see `cells`: how near a wall was when they were last marked: within four cells, two or one."""
+"""Bits of a cell, see `mark_cells`: how near a wall was when they were last marked: within four cells, two or one."""
 
 PATH = 160  # points of the path that are kept
 RIGHT, LEFT, ALONG = range(3, 6)  # columns of the path, after x, y and heading; then its sine and cosine

@@ -7,12 +7,20 @@ All take ranges of shape (n,) [m], rightmost beam first, and answer a new array 
 its input. A range of 0 is a beam that must not be driven along. Ranges are contiguous arrays of float64; the work is
 done in native/controllers/perception/scan_filters.cpp.
 
+Intermediate scans are what a planner makes of a scan on its way to the goal, kept for pictures; no command depends on
+them. A planner writes them in every decision:
+
+    extended = extend_disparities(ranges, geometry.angle_increment, threshold, radius)
+    debug.extended[:] = extended
+
 Sources: the F1TENTH course's slides and notes on reactive methods (clip, bubble around the nearest point), N.
 Otterness' disparity extender (2019), and the notes of the field's gap_finder_base (bubble width by the arc, rolling
 mean, centre priority).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,3 +120,16 @@ def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> F
 def prioritise_centre(ranges: FloatArray, bearings: FloatArray, edge_weight: float = 0.999) -> FloatArray:
     """Return ranges weighted from `edge_weight` at the widest bearing to 1 straight ahead: equal ranges go straight."""
     return core.prioritise_centre(ranges, bearings, edge_weight)
+
+
+class IntermediateScans(NamedTuple):
+    """Scans of all beams, each (n,) [m], to be written to by a planner that has them."""
+
+    filtered: FloatArray  # readings as the speed law range_ratio averages them; unless kept, those of the LiDAR
+    extended: FloatArray  # after edges were widened
+    bubble: FloatArray  # after the surroundings of the nearest point were set to 0
+    gap: FloatArray  # the beams of the gap that was chosen; NaN elsewhere
+
+
+write_debug_run = core.write_debug_run
+"""Write `ranges[first:end]` into an intermediate scan (n,) [m], and NaN elsewhere."""

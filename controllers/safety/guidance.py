@@ -5,20 +5,20 @@ Guidance knows the frontier (perception.frontiers), and lets the planner drive a
 
 1. Where the planner's goal leads on about as well as any beam, and nothing hides the frontier nearby, the planner
    drives.
-2. Else its reference is simulated for `viable_time`. While a motion of the car leads on from there (motion_search),
+2. Else its reference is simulated for `viable_time`. While a motion of the car leads on from there (motions),
    the planner still drives. What 1 and 2 found holds for one more tick, unless its reference turns meanwhile, or the
    frontier is hidden and nearby.
-3. Else the car follows a motion from where it is now (control.tracking), which is searched for anew in every second
+3. Else the car follows a motion from where it is now, which is searched for anew in every second
    tick, and kept while it is free and none is found. Its speed is that of its curvature, with braking before it. In
    a sharp bend a careful car (4) stays on its motions until the bend is over.
 4. Where there is no motion, the car brakes. Where it has been slow for .35 s, it turns in several moves, forward
-   and in reverse (turning). From then on it is careful: it comes to the edge of what it sees no faster than that it
+   and in reverse. From then on it is careful: it comes to the edge of what it sees no faster than that it
    could turn there at full lock.
 
 Where there is no frontier, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
 stood there for 4 s it forgets its path, which on a course as short as its memory may have been wrong.
 
-Limits: as of frontiers and motion_search. Without a friction limit nothing says how sharply the car can turn, and
+Limits: as of frontiers and motions. Without a friction limit nothing says how sharply the car can turn, and
 guidance is off. The work is done in native/controllers/safety/guidance.cpp.
 """
 
@@ -33,10 +33,8 @@ from fg_mujoco.messages import FloatArray
 from fg_mujoco.native import core, record
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
-from ..control.tracking import X, Y
 from ..perception.frontiers import FRONTIER_SEARCH
-from .motion_search import MOTION
-from .turning import TURNING
+from .motions import MOTION, TURNING, X, Y
 
 
 @dataclass(frozen=True, kw_only=True)

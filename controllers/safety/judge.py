@@ -1,6 +1,6 @@
 """The judge: of all that is proposed for the next tick, the first proposal after which the car can stop is driven.
 
-Each proposal is simulated (rollout) with several shares of the grip for cornering, in the order of WHY. The first that
+Each proposal is simulated with several shares of the grip for cornering, in the order of WHY. The first that
 meets nothing wins. Where each meets something, the one that does so slowest wins, and the first of those that are as
 slow. So a planner's reference is driven as long as the car could stop afterwards, and all below it is there for when it
 could not:
@@ -18,11 +18,24 @@ as it stands  braking with the wheels as they are: to steer to and fro between d
 The nearest direction to the reference often ends in the corner between a box and a wall; the one with the longest view
 does not. Stops in other directions have a margin besides, so that they are not lost at once.
 
-Sources: D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation
-Magazine 4(1), 1997, for directions and shares of grip; S. Petti and T. Fraichard, Safe Motion Planning in Dynamic
-Environments, IEEE/RSJ IROS 2005, for the stop of the last tick.
+A simulation has the friction limiter, the servos and the slip of soft tires in the loop. A plan commands its speed for
+a tick, and then brakes to a stop; along a path that says how fast the car drives, it goes on to its end. It steers
+along a path, or to a goal. The car meets something where one of its discs comes near what stands (the widened scan, and
+ground of the local map that a corner hides) or near where something that moves may be at that time: `occupied`, which
+all proposals share. Of ground that the car knows, only ends of beams count: the widened scan has a wall beside the way
+in it.
 
-The work is done in native/controllers/safety/judge.cpp.
+    here = Situation(...)
+    met = simulate(here, plan, use, speed)  # of a Plan, with a share of the grip for cornering
+
+These stops are as hard as the tires hold. Limits: braking does not turn the simulated car in. What the scan does not
+show counts as free.
+
+Sources: D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation
+Magazine 4(1), 1997, for simulated stops, directions and shares of grip; S. Petti and T. Fraichard, Safe Motion Planning
+in Dynamic Environments, IEEE/RSJ IROS 2005, for the stop of the last tick and ends that stay free.
+
+The work is done in native/controllers/safety/judge.cpp and rollout.cpp.
 """
 
 from __future__ import annotations
@@ -36,7 +49,7 @@ import numpy as np
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.native import core, record
 
-from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Settings, setting, setting_of_car
+from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
 from ..control.reasons import PROPOSALS
 
 BEST = record(
@@ -109,3 +122,52 @@ class Wanted(NamedTuple):
 
 judge = core.judge
 """Write the best of all proposals to a memory of type JUDGE."""
+
+
+class Situation(NamedTuple):
+    """What a proposal is judged by: the car, and all that may be in its way."""
+
+    limiter: Record  # of type LIMITER
+    memory: Record  # of type LIMITER_MEMORY, unchanged after a simulation
+    settings: Record  # fields of JudgeSettings
+    geometry: Record  # of type SCAN_GEOMETRY
+    ranges: FloatArray  # readings (n,) [m]
+    widened: FloatArray  # the same, each widened by a disc over the car's front
+    radius: float  # [m] of that disc
+    movers: FloatArray  # (k, 12) predictions of what moves, which is not in the scan
+    ground: Record  # of type FRONTIER_SEARCH
+    angle: float  # [rad] present steering angle
+    speed: float  # [m/s] present
+    period: float  # [s] of a tick
+    known: bool  # whether what the scan hides counts as free: the car has driven there
+
+
+FREE, STANDS, MOVES = range(3)
+"""What a car meets: nothing, something that stands, or something that moves."""
+
+
+class Met(NamedTuple):
+    """What a simulated car meets on its way to a stop."""
+
+    speed: float  # [m/s] then; 0: it meets nothing
+    time: float  # [s] until then, or until it stands
+    what: int  # FREE, STANDS or MOVES
+
+
+class Plan(NamedTuple):
+    """How a proposal is followed: the frame is that of the rear axle; `path` has no points where it leads to a goal."""
+
+    bearing: float  # [rad] of the goal from the LiDAR
+    distance: float  # [m] of that goal
+    path: FloatArray  # (m, 4) motion, as in motions, or (m, 5) with the speeds at which the car goes on
+    speed: float  # [m/s] that is commanded for a tick, before the car brakes
+    margin: float  # [m] ahead of the bumper
+
+
+def simulate(here: Situation, plan: Plan, use: float, speed: float) -> Met:
+    """Return what a car of a speed [m/s] meets on its way to a stop, with a share of the grip for cornering."""
+    return Met(*core.simulate(here, plan, use, speed))
+
+
+reading = core.reading
+"""Return the widened reading [m] of a Situation at a bearing [rad]."""

@@ -4,7 +4,7 @@
     position, aside, turned = position_on(window, point, line.spacing)
     steering_angle, speed, _ = reference_on(window, position, aside, turned, line.spacing, limiter, now, True)
 
-The car steers along the line as in control.tracking. Its place on the line and the curvature there are read between
+The car steers along the line as on a motion. Its place on the line and the curvature there are read between
 the points: steps of the steering angle would take from braking. Its speed is the greatest from which the tires hold the
 car through what comes: cornering, turning the wheels, and braking before with what cornering leaves.
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from fg_mujoco.native import core
 
-# columns of a window after those of control.tracking: the greatest speed squared over `lateral` [m], and the
+# columns of a window after those of motions: the greatest speed squared over `lateral` [m], and the
 # acceleration that the tires hold while the car brakes, over the speed squared [1/m]
 RADIUS, DEMAND = 5, 6
 

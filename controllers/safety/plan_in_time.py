@@ -39,7 +39,7 @@ import numpy as np
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.native import core, record
 
-from .rollout import Situation
+from .judge import Situation
 
 NO_PLAN, DRIVES, BACKS_OFF = range(3)
 """What a plan says: no motion passed, a steering angle and a speed, or that the car backs off."""

@@ -16,7 +16,8 @@ from ..lab.handling import handling
 from ..lab.manoeuvres import MANOEUVRES
 from ..pictures.plots import write_run
 from ..racing.result import RaceResult, clamped_hint
-from ..racing.run_folder import check_run_folder, summary_json
+from ..racing.run_folder import check_run_folder
+from ..racing.summary import summary_json
 from ..vehicle.tire_slip import share_text, sliding_text
 from .command import CONFIG, JSON, can_draw, command, number, option
 from .options import setup_of, setup_options

@@ -17,8 +17,7 @@ from functools import cache
 from typing import Any, NoReturn
 
 from ..course.formats import track_names
-from ..errors import FgMujocoError, FinalWarning, Note, SettingsError, accepted_names, nearest
-from ..gone import gone
+from ..errors import FgMujocoError, FinalWarning, Note, SettingsError, accepted_names, gone, nearest
 from ..interrupts import ended_in_order
 from ..racing.planners import controller_names, scheme_of
 from ..registry import Registry, added

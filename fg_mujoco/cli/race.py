@@ -80,7 +80,7 @@ def race_command(options: argparse.Namespace) -> int:
 def _print(result: RaceResult, options: argparse.Namespace, out: str | None) -> None:
     """Print a race as JSON or as a table; `out` is as of `race_table`."""
     if options.json:
-        from ..racing.run_folder import summary_json
+        from ..racing.summary import summary_json
 
     print(summary_json(result) if options.json else race_table(result, out))
 

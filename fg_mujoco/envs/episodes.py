@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..array_table import ArrayTable
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..native import core
+from ..native_arrays import ArrayTable
 from ..racing.planners import Value
 from ..racing.randomization import PARAMETERS, Randomization
 from ..simulation.settings import Start

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Suggesting
-from ..array_table import ArrayTable
 from ..course.clearance import clearances
 from ..course.course import outline, wall_outlines
 from ..messages import CarParameters, FloatArray
 from ..native import core
+from ..native_arrays import ArrayTable
 from ..simulation.engine import Engine
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World

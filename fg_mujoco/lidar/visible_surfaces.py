@@ -3,6 +3,11 @@
 The geoms are those that MuJoCo's rays see: not the transparent ones (alpha 0 of the material, or of the geom where it
 has no material; `show_as_drawn` makes that what pictures show), any group, both sides of a mesh or box, the front of a
 plane. Nothing of the kinematic tree that carries the LiDAR is seen.
+
+A wall is made of triangles and a box of twelve of them, which `scanline` draws. The round parts of a car, its wheels,
+axles and the LiDAR that it carries, are spheres, capsules, ellipsoids and cylinders, and are asked of each beam that
+may meet them, in closed form. The equations are those of MuJoCo's own rays (`mj_ray`), so that both agree to rounding:
+the nearest point ahead of the ray on the surface, from inside, too.
 """
 
 from __future__ import annotations
@@ -18,7 +23,27 @@ from ..errors import ModelError
 from ..messages import FloatArray
 from .beams import Beams
 from .clusters import make_clusters
-from .round_shapes import SHAPE, is_shape, shape_row
+
+_KINDS = {
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): 0.0,
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): 1.0,
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): 2.0,
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): 3.0,
+}
+SHAPE = 17
+"""Numbers of a shape: kind, sizes as of its geom [m], position [m], rotation row by row, radius of the sphere around it
+[m]; position and rotation in the frame of its body."""
+
+def is_shape(kind: int) -> bool:
+    """Return whether a geom of this mjtGeom is one of these shapes."""
+    return kind in _KINDS
+
+
+def shape_row(kind: int, size: FloatArray, position: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Return the numbers of a shape (SHAPE,): size (3,) [m]; position (3,) [m], rotation (3, 3) in its body's frame."""
+    around = {0: size[0], 1: size[0] + size[1], 2: size.max(), 3: math.hypot(size[0], size[1])}[int(_KINDS[kind])]
+    return np.concatenate(([_KINDS[kind]], size, position, rotation.ravel(), [around]))
+
 
 BINS = 64  # of distance, into which a scan sorts the clusters, as in native/lidar/scene.hpp
 NO_END = 1e300  # [m] half-size of a plane without end, as there
@@ -46,7 +71,7 @@ class SceneArrays(NamedTuple):
     spans: NDArray[np.int32]  # (b, 5) the fifth is the frame
     planes: FloatArray  # (p, 14) position, rotation row by row, half-sizes [m]
     frames: NDArray[np.int32]  # (f, 7) first cluster, behind the last; first plane, behind; first shape, behind; tree
-    shapes: FloatArray  # (k, SHAPE) see round_shapes.py
+    shapes: FloatArray  # (k, SHAPE)
     spheres: FloatArray  # (f, 4) centre and radius of a sphere around what moves [m]; a radius without end for planes
 
 

@@ -1,6 +1,7 @@
 """Racing: one planner on one course, and the run folder that a race leaves.
 
-`race` has race, the closed loop for one car, and `result` its RaceResult. `run_folder` writes and reads run folders.
+`race` has race, the closed loop for one car, `result` its RaceResult, and `summary` the JSON object of one.
+`run_folder` writes and reads run folders.
 `resimulation` simulates a run again from its recorded controls, and `replay` checks that every bit is the same. `crash`
 says where a car crashed or rolled over. `planners` reads the texts that name planners, finds and builds them;
 `planner_origin` tells where a planner comes from and which files it reads.

@@ -33,8 +33,7 @@ from typing import TYPE_CHECKING, Any
 from fg_mujoco.controllers import BASELINES, CONTROLLERS
 
 from ..course.files import LONGEST_NAME, file_sha256, is_file, kept_folder
-from ..errors import ControllerError, SettingsError, accepted_names, is_of_planner
-from ..gone import gone
+from ..errors import ControllerError, SettingsError, accepted_names, gone, is_of_planner
 from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry, PlannerContext
 from ..registry import Registry, added, package_of
 from ..simulation.planner_adapter import short, short_text, wanted_sensors

@@ -51,7 +51,8 @@ from .result import (
     world_figures,
 )
 from .rules import RaceRecord, race_control
-from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run, versions
+from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, of_car, read_run
+from .summary import as_json, versions
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
 _OF_PLANNERS = ("planner_failed", "decision_limit")

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
-from ..array_table import ArrayTable
 from ..display import Shown, brief, quoted
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
+from ..native_arrays import ArrayTable
 from ..simulation.compiled_tick import KEPT
 from ..simulation.telemetry import COMMAND, column_index, column_meant, statistics_figures
 from ..simulation.termination import END_REASONS, WrongWay

@@ -25,17 +25,14 @@ import csv
 import json
 import math
 import os
-import platform
 import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field, fields
-from importlib.metadata import version
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
@@ -44,16 +41,14 @@ from ..course.files import file_sha256, is_file, read_arrays, read_text, require
 from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder, writing
 from ..display import brief, quoted
-from ..errors import FgMujocoError, RunFolderError, SettingsError, nearest
+from ..errors import FgMujocoError, RunFolderError, nearest
 from ..messages import ODOMETRY, FloatArray, LaserScan, Odometry, Reading, Readings, shown
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import ALWAYS_NUMBERS, TELEMETRY, column_index, column_meant
 from .planners import POLICY_ENDINGS
 from .result import RaceResult
 from .run_checks import check_summary, checked_scene
-
-SCHEMA = 1
-"""Of the run folder; a reader refuses any other."""
+from .summary import FAILED_SCAN, SCHEMA, summary_json
 
 _MOST_SUMMARY = 2**20  # bytes
 _MOST_TELEMETRY = 512 * 2**20  # bytes, of about ten hours
@@ -64,8 +59,8 @@ _LATEST = 1e9  # [s]
 _GREATEST = 1e15  # of all numbers; MuJoCo itself resets a state beyond 1e10
 
 # in the order they are moved in
-_FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", "failed_scan.npz", "summary.json")
-_SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
+_FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", FAILED_SCAN, "summary.json")
+_SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, _, SUMMARY = _FILES
 SCENE, STATES, TELEMETRY_FILE = _SCENE, _STATES, _TELEMETRY
 _POLICIES = tuple(f"controller{ending}" for ending in POLICY_ENDINGS)  # in the place of controller.py
 NOT_SIMULATED = (_TRACE, _CONTROLLER, *_POLICIES, FAILED_SCAN)
@@ -175,42 +170,6 @@ def of_car(file: str, index: int) -> str:
     """Return the name of a file of a run folder for a car; car 0's are named as if it were alone."""
     name, dot, ending = file.partition(".")
     return f"{name}_car_{index}{dot}{ending}" if index else file
-
-
-def summary_json(result: RaceResult) -> str:
-    """Return the summary, the setup and the versions that made it as one JSON object; NaN and infinity are null.
-
-    The setup stands in `settings`; it is not there where a course or a planner is an object, which no file can hold.
-    """
-    found = result.summary()
-    if found.get("planner_failure") is not None:
-        found["planner_failure"]["scan"] = FAILED_SCAN
-    with suppress(SettingsError):
-        found["settings"] = result.setup.described()
-    return as_json(found | {"schema": SCHEMA} | versions())
-
-
-def versions() -> dict[str, str]:
-    """Return what the bits of a run depend on besides its inputs, by the names in a summary."""
-    return {
-        "fg_mujoco_version": version("fg-mujoco"),
-        "mujoco_version": mujoco.__version__,
-        "platform": f"{platform.system()}-{platform.machine()}",
-    }
-
-
-def as_json(values: Mapping[str, Any]) -> str:
-    """Return values by name as the text of a summary has them; NaN and infinity are null."""
-    return json.dumps(_finite(values), indent=2, allow_nan=False, default=asdict)
-
-
-def _finite(value: Any) -> Any:
-    """Return a value with None in the place of NaN and infinity, in mappings and lists, too."""
-    if isinstance(value, Mapping):
-        return {name: _finite(each) for name, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:

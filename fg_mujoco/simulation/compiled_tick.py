@@ -2,18 +2,24 @@
 
 What the cars sense, how they are driven, and what becomes of it: native/simulation/compiled_tick.cpp. Arrays have one
 row a car: the cars of world 0, then those of world 1, and so on (r,). A state has one row a world (n,).
+
+A world whose cars all stand on MuJoCo's contacts is stepped by mj_step. Where any car has tires of ours, MuJoCo's
+stages are called one after the other, and the tires' forces are put in between (vehicle/tire_forces.py).
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..array_table import ArrayTable
 from ..course.course import Course
 from ..lidar.visible_surfaces import SceneArrays, Scratch
+from ..messages import FloatArray
+from ..native_arrays import ArrayTable
 from .physics import Batch, StateLayout
 
 NAMES = (
@@ -63,3 +69,47 @@ def course_numbers(
         time_limit = math.inf if course is None else course.longest_race(laps)
     last_time = time_limit - 0.5 * period  # times are sums of many ticks
     return np.array((timestep, *of_course, last_time), np.float64)
+
+
+TIRES, AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TREE, LEVEL = range(7)
+"""Columns of `car_places`, one row for each car of a world: where in its sensors the tires' readings begin, those of
+the axles (-1: none) and the chassis' contact; its first row among the tires with a law of ours (-1: it has none); where
+in qpos the pose of the body that its LiDAR is fixed to is; the tree of its bodies, as in SceneArrays (-1: none); and
+whether its LiDAR stays level (1)."""
+
+
+SCRATCH = 1536
+"""Numbers that the short steps of the tires of a car need room for, see native/vehicle/tire_solve.hpp."""
+
+
+class Inertia(NamedTuple):
+    """Which entries MuJoCo keeps of its inertia matrices: of a model, and the same for all its data."""
+
+    row_counts: NDArray[np.int32]
+    row_starts: NDArray[np.int32]
+    columns: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> Inertia:
+        """Return that of a model."""
+        return cls(model.M_rownnz.copy(), model.M_rowadr.copy(), model.M_colind.copy())
+
+
+class Floor(NamedTuple):
+    """The patches of the worlds, and what the tires have on them; all empty where there are none."""
+
+    patches: FloatArray  # (k, 7) of `patch_table`
+    wheels: FloatArray  # (4 cars_per_world, 2) of `wheel_positions`
+    mu: FloatArray  # (steps, r, 4) room: what each tire had in each step of a tick
+    pairs: NDArray[np.int32]  # (4 cars_per_world,) of the tires
+
+
+class Sizes(NamedTuple):
+    """Sizes of a world's model, and of its steps."""
+
+    positions: int
+    dofs: int
+    readings: int
+    userdata: int
+    pairs: int
+    own_tires: int  # whether any car has tires with a law of ours

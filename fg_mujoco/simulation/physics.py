@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..arguments import Uncopied
 from ..errors import EngineError, ModelError
 from ..messages import FloatArray
-from ..vehicle.mujoco_library import LIBRARY_PATH
+from ..native import mujoco_library
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """The parts of a state: all that the next step depends on."""
@@ -56,7 +56,7 @@ class _Config(ctypes.Structure):
     _fields_ = (("nthread", ctypes.c_int), ("persistent", ctypes.c_ubyte))
 
 
-_LIBRARY = ctypes.CDLL(LIBRARY_PATH)
+_LIBRARY = mujoco_library()
 
 _ADDRESS, _INT = ctypes.c_void_p, ctypes.c_int
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..array_table import ArrayTable
 from ..course.files import kept_folder
 from ..errors import ControllerError, DecisionLimitReached, PlannerError, is_of_planner
 from ..lidar.beams import Beams
@@ -31,6 +30,7 @@ from ..messages import (
     Odometry,
     Reading,
 )
+from ..native_arrays import ArrayTable
 from .termination import END_REASONS
 from .world import World
 

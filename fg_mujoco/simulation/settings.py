@@ -15,7 +15,7 @@ import mujoco
 
 from .. import from_addons
 from ..arguments import explain_class, setting
-from ..controllers.control.assist import names_in
+from ..controllers.control.stages import names_in
 from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..display import brief, changed

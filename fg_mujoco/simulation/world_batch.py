@@ -16,15 +16,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..array_table import ArrayTable
 from ..course.lap_timer import first_seen, fresh_timers
 from ..course.moving_obstacles import motion_table, moving_obstacles, place_moving
 from ..course.standing import off_course
-from ..lidar.body_poses import Mount
+from ..lidar.body_poses import Mount, make_links
 from ..lidar.lidar import Lidar, RaycastLidar, lidar_mount
-from ..lidar.links import make_links
 from ..messages import ODOMETRY, FloatArray
 from ..native import core
+from ..native_arrays import ArrayTable
 from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, restore_worlds
@@ -32,18 +31,17 @@ from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR
 from ..vehicle.tire_rows import USERDATA, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
-from ..vehicle.tire_solve import SCRATCH, Inertia
 from ..vehicle.vehicle import Vehicle
 from . import compiled_tick
 from .cars import lidar_prefix, touch_places, tree_of
 from .clear_ground import ClearGround, find_clear_ground
+from .compiled_tick import AXLES, CHASSIS_CONTACT, FIRST_TIRE, LEVEL, MOUNT, SCRATCH, TIRES, TREE, Floor, Inertia, Sizes
 from .physics import STATE, Batch, StateLayout
 from .planner_adapter import Calls
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
 from .world import World
-from .world_step import AXLES, CHASSIS_CONTACT, FIRST_TIRE, LEVEL, MOUNT, TIRES, TREE, Floor, Sizes
 
 if TYPE_CHECKING:
     from .cars_alone import CarsAlone
@@ -214,7 +212,7 @@ class WorldBatch:
         return arrays | {name: getattr(monitor, name) for name in names}
 
     def _make_car_places(self, meters: Sequence[TireSlipMeter]) -> NDArray[np.int64]:
-        """Return the places of each car's parts in its model, see world_step.TREE."""
+        """Return the places of each car's parts in its model, see compiled_tick.TREE."""
         places = np.full((len(meters), 7), -1, np.int64)
         first = 0
         for place, meter, car in zip(places, meters, self.world.cars, strict=True):

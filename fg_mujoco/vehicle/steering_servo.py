@@ -1,8 +1,9 @@
 """The steering of a car in a compiled model: who moves it in a physics step, and how its servo answers.
 
-Tires of ours come with a steering of ours (`tire_solve.steer`): a servo of limited force turns an inertia with linear
-damping, and the kingpins follow it by polynomials. A car whose MJCF says anything else of these joints, as a friction,
-a spring or a damping that is not linear, is steered by MuJoCo's own stages, which obey all that an MJCF can say.
+Tires of ours come with a steering of ours (`steer` of native/vehicle/tire_solve.hpp): a servo of limited force turns an
+inertia with linear damping, and the kingpins follow it by polynomials. A car whose MJCF says anything else of these
+joints, as a friction, a spring or a damping that is not linear, is steered by MuJoCo's own stages, which obey all that
+an MJCF can say.
 """
 
 from __future__ import annotations

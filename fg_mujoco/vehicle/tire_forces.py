@@ -1,8 +1,8 @@
 """Physics steps of MuJoCo with tires that have a law of ours.
 
-`tire_patch` has the force of a tire, whose load is that of a spring and a damper under its lowest point; `tire_solve`
-the short steps of tires and drive; `tire_rows` what both read off a model. native/vehicle does all
-of it, and calls MuJoCo's stages around them.
+`tire_patch` has the force of a tire, whose load is that of a spring and a damper under its lowest point; `tire_rows` is
+what its force and the short steps of tires and drive read off a model. native/vehicle does all of it, and calls
+MuJoCo's stages around the short steps, which native/vehicle/tire_solve.hpp explains.
 
 The short steps are seen from the car, whose velocity turns the other way while it turns; `place_between` turns what it
 gained. So a step is of the second order: at 5 ms the yaw rate follows the steering within .05 ms as it does at .25 ms.
@@ -17,11 +17,12 @@ import numpy as np
 
 from ..arguments import Suggesting
 from ..messages import FloatArray
-from ..native import core
-from . import mujoco_library  # noqa: F401  loaded for the core
+from ..native import core, mujoco_library
 from .car import WHEELS
 from .tire_rows import GearRows, TireRows, gear_row, peaks, steps_within, take_over, tire_rows
 from .tires import tires_of
+
+mujoco_library()  # which the core calls
 
 
 class TireForces(Suggesting):

@@ -1,4 +1,4 @@
-// A table of arrays, as fg_mujoco/array_table.py makes it: for each array its address, and its length along up
+// A table of arrays, as fg_mujoco/native_arrays.py makes it: for each array its address, and its length along up
 // to three axes.
 #pragma once
 #include "arrays.hpp"

@@ -4,7 +4,7 @@
 
 namespace fg {
 
-// A body with one joint at most; fg_mujoco/lidar/links.py describes the fields.
+// A body with one joint at most; fg_mujoco/lidar/body_poses.py describes the fields.
 struct Link {
     std::int64_t parent, kind, qpos;
     double qpos0;

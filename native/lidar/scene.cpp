@@ -4,7 +4,7 @@
 namespace fg {
 namespace {
 
-constexpr int SHAPE = 17;  // numbers of a round shape, see fg_mujoco/lidar/round_shapes.py
+constexpr int SHAPE = 17;  // numbers of a round shape, see fg_mujoco/lidar/visible_surfaces.py
 
 bool is_span(std::int64_t first, std::int64_t behind, std::int64_t length) {
     return 0 <= first && first <= behind && behind <= length;

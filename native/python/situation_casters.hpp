@@ -1,4 +1,4 @@
-// How the named tuples Situation and Plan of controllers/safety/rollout.py become structures.
+// How the named tuples Situation and Plan of controllers/safety/judge.py become structures.
 #pragma once
 #include "../controllers/control/driving.hpp"
 #include "../controllers/safety/rollout.hpp"

@@ -1,6 +1,6 @@
 // A tick and its parts, of the arrays of some worlds: what the cars sense, how they are driven, and what becomes of it.
 // Arrays have one row a car: the cars of world 0, then those of world 1, and so on (r,). A state has one row a world
-// (n,). Python hands the arrays over in a table (fg_mujoco/array_table.py), by its address;
+// (n,). Python hands the arrays over in a table (fg_mujoco/native_arrays.py), by its address;
 // fg_mujoco/simulation/compiled_tick.py says more of them.
 #pragma once
 #include <cstdint>

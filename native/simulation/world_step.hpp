@@ -8,7 +8,7 @@
 
 namespace fg {
 
-// A row of `car_places`, one for each car of a world; columns as in fg_mujoco/simulation/world_step.py.
+// A row of `car_places`, one for each car of a world; columns as in fg_mujoco/simulation/compiled_tick.py.
 struct CarPlaces {
     std::int64_t tires, axles, chassis_contact;  // where in the sensors their readings begin; axles -1: there are none
     std::int64_t first_tire;                     // among the tires with a law of ours; -1: it has none

@@ -8,7 +8,7 @@ import pytest
 
 from cases import each
 from drawn_worlds import Driven, box, cell, kinds, least_of_blocks, lines, middles
-from fg_mujoco.controllers.perception.cells import BLOCKS, FAR, WAY_BACK, cell_at, dijkstra, mark_cells
+from fg_mujoco.controllers.perception.frontiers import BLOCKS, FAR, WAY_BACK, cell_at, dijkstra, mark_cells
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, SIZE, WALL
 
 STRAIGHT = lines([(-30.0, -1.0), (60.0, -1.0)], [(-30.0, 1.0), (60.0, 1.0)])

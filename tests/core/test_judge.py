@@ -12,8 +12,17 @@ from fg_mujoco.controllers.control.steering import bearing_of_arc, pursue
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.perception.local_map import FREE as FREE_GROUND
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.controllers.safety.judge import JUDGE, JudgeSettings, Wanted, judge
-from fg_mujoco.controllers.safety.rollout import MOVES, STANDS, Plan, reading, simulate
+from fg_mujoco.controllers.safety.judge import (
+    JUDGE,
+    MOVES,
+    STANDS,
+    JudgeSettings,
+    Plan,
+    Wanted,
+    judge,
+    reading,
+    simulate,
+)
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.vehicle import Vehicle
 from scan_worlds import corridor, odometry_of, situation

@@ -11,19 +11,21 @@ from cases import each
 from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, lines, seen_from
 from fg_mujoco.controllers.control.driving import TICK
 from fg_mujoco.controllers.control.slip import arc_angle
-from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
-from fg_mujoco.controllers.perception.lap_map import see_lap, walls_of
 from fg_mujoco.controllers.perception.scan_filters import widen_all
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
+from fg_mujoco.controllers.safety.judge import FREE, Plan, simulate
 from fg_mujoco.controllers.safety.lap_raceline import (
     AWAY,
     ON,
     REMEMBERED,
+    TRIAL,
     keep_lap,
+    move_car,
     propose_line,
+    see_lap,
     shape_line,
+    walls_of,
 )
-from fg_mujoco.controllers.safety.lap_trial import TRIAL, move_car
 from fg_mujoco.controllers.safety.line_following import (
     DEMAND,
     RADIUS,
@@ -34,7 +36,7 @@ from fg_mujoco.controllers.safety.line_following import (
     speed_on,
     write_speeds,
 )
-from fg_mujoco.controllers.safety.rollout import FREE, Plan, simulate
+from fg_mujoco.controllers.safety.motions import CURVATURE, HEADING, X, Y
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.tires import AxleTires, Coulomb, Tires
 from scan_worlds import CAR, situation

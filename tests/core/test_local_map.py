@@ -28,7 +28,7 @@ from fg_mujoco.controllers.perception.local_map import (
     in_window,
     move,
 )
-from fg_mujoco.controllers.safety.motion_search import sorted_ends, touches
+from fg_mujoco.controllers.safety.motions import sorted_ends, touches
 from scan_worlds import CAR
 
 ROOM = lines(box(-2.05, -1.55, 4.05, 2.05))

@@ -8,11 +8,10 @@ import pytest
 
 from cases import each
 from drawn_worlds import least_of_blocks
-from fg_mujoco.controllers.perception.cells import FAR
-from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
+from fg_mujoco.controllers.perception.frontiers import FAR, FRONTIER_SEARCH
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, SIZE, WALL, WALL_IN_1, WALL_IN_2
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
-from fg_mujoco.controllers.safety.motion_search import MOST_NODES, MOTION, Query, search_motion, sorted_ends, touches
+from fg_mujoco.controllers.safety.motions import MOST_NODES, MOTION, Query, search_motion, sorted_ends, touches
 from scan_worlds import CAR, MU
 
 LIMITER = FrictionLimiter(CAR, MU)

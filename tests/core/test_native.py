@@ -17,11 +17,11 @@ import pytest
 
 from cases import each
 from fg_mujoco import native
-from fg_mujoco.array_table import ArrayTable
 from fg_mujoco.errors import EngineError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.scanline import scan
 from fg_mujoco.lidar.visible_surfaces import ScanlineScene, SceneArrays, Scratch
+from fg_mujoco.native_arrays import ArrayTable
 from fg_mujoco.vehicle.tire_rows import GEAR, TIRE
 from lidar_worlds import EYE, random_poses, random_spec
 

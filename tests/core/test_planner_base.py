@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco.controllers.control.assist import SAFE, STAGES
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
 from fg_mujoco.controllers.control.planner_batch import PlannerBatch
 from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, Settings, for_car, relative_size, setting_of_car
-from fg_mujoco.controllers.control.stages import Stage, Tick
+from fg_mujoco.controllers.control.stages import SAFE, STAGES, Stage, Tick
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.recovery import RecoverySettings
 from fg_mujoco.controllers.wall_follow import WallFollow

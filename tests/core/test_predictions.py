@@ -9,8 +9,8 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.safety import predictions as predicted
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
+from fg_mujoco.controllers.safety.judge import FREE, MOVES, Plan, simulate
 from fg_mujoco.controllers.safety.predictions import PREDICTIONS, interval, meets, separate, turned, write_predictions
-from fg_mujoco.controllers.safety.rollout import FREE, MOVES, Plan, simulate
 from fg_mujoco.racing.planners import make_controller
 from moving_worlds import GEOMETRY, WALLS, box, ranges_of, watched
 from scan_worlds import CAR, MU, odometry_of, scan_of, situation

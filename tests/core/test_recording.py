@@ -9,7 +9,8 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.racing.run_folder import check_run_folder, summary_json
+from fg_mujoco.racing.run_folder import check_run_folder
+from fg_mujoco.racing.summary import summary_json
 
 FILES = {"summary.json", "scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py"}
 

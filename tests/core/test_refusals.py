@@ -25,8 +25,7 @@ from fg_mujoco.course.formats import track_names
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.rewards import Rewards
-from fg_mujoco.errors import ArgumentError, accepted_names, nearest
-from fg_mujoco.gone import GONE
+from fg_mujoco.errors import GONE, ArgumentError, accepted_names, nearest
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import load_experiment
 from fg_mujoco.lab.manoeuvres import MANOEUVRES
@@ -285,7 +284,8 @@ def test_the_command_line_says_what_is_accepted_or_was_meant(line, here, capsys)
 
 
 def environment(**settings):
-    return pytest.importorskip("fg_mujoco.envs.gym_environment").F1TenthEnv(beam_step=540, **settings)
+    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment", exc_type=ImportError)
+    return gym_environment.F1TenthEnv(beam_step=540, **settings)
 
 
 def rollout(track="oval", **settings):
@@ -502,7 +502,7 @@ def test_a_race_refuses_it(name):
 
 @each("name", sorted(BAD | OF_ENVIRONMENTS))
 def test_an_environment_refuses_it(name):
-    environment = pytest.importorskip("fg_mujoco.envs.gym_environment").F1TenthEnv
+    environment = pytest.importorskip("fg_mujoco.envs.gym_environment", exc_type=ImportError).F1TenthEnv
     for value in (BAD | OF_ENVIRONMENTS)[name]:
         if not isinstance(value, (int, float)) or (name, value) not in UNBOUNDED:
             check(name, value, lambda value=value: environment(**{name: value}))

@@ -7,7 +7,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.controllers.control.actuation import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
+from fg_mujoco.controllers.control.decision import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
 from fg_mujoco.controllers.control.planner_settings import CAR_RECORD, record_values
 from fg_mujoco.controllers.control.slip import drag
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED

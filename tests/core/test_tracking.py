@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_point, steer_along
+from fg_mujoco.controllers.safety.motions import CURVATURE, HEADING, LAG, X, Y, errors, next_point, steer_along
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters

@@ -5,7 +5,7 @@ import numpy as np
 from cases import each
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.controllers.safety.turning import TURNING, turn_in_moves
+from fg_mujoco.controllers.safety.motions import TURNING, turn_in_moves
 from scan_worlds import CAR, MU
 
 

@@ -9,8 +9,7 @@ from fg_mujoco.controllers.control.planner_settings import for_car, record_type,
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.perception.scan_geometry import SCAN_GEOMETRY
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY
-from fg_mujoco.controllers.safety.judge import JudgeSettings
-from fg_mujoco.controllers.safety.rollout import Situation
+from fg_mujoco.controllers.safety.judge import JudgeSettings, Situation
 from fg_mujoco.messages import ODOMETRY, LaserScan, Odometry
 from fg_mujoco.vehicle.tires import IDEAL_TIRES, Tires
 from fg_mujoco.vehicle.vehicle import Vehicle

@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from fg_mujoco.arguments import with_underscores
-from fg_mujoco.controllers.control.assist import names_in
+from fg_mujoco.controllers.control.stages import names_in
 from fg_mujoco.course.documents import read_toml
 from fg_mujoco.course.scenes import PREFIX
 from fg_mujoco.errors import FgMujocoError, SettingsError, accepted_names

@@ -15,7 +15,8 @@ from fg_mujoco.messages import Controller, FloatArray, LaserScan, Odometry
 from fg_mujoco.pictures.rendering.recorded_drive import Drive, read_drive
 from fg_mujoco.racing.resimulation import load_world, recorded_planner, resimulate
 from fg_mujoco.racing.result import RaceResult
-from fg_mujoco.racing.run_folder import FAILED_SCAN, Run, read_failed_scan, read_run
+from fg_mujoco.racing.run_folder import Run, read_failed_scan, read_run
+from fg_mujoco.racing.summary import FAILED_SCAN
 from fg_mujoco.simulation.world import World
 
 from ..report.recorded import RecordedRun, map_shapes, read_recorded

@@ -18,7 +18,8 @@ from fg_mujoco.racing.crash import Crash, Rollover
 from fg_mujoco.racing.planners import with_settings
 from fg_mujoco.racing.resimulation import load_world
 from fg_mujoco.racing.result import RaceResult
-from fg_mujoco.racing.run_folder import SUMMARY, Run, read_run, summary_json
+from fg_mujoco.racing.run_folder import SUMMARY, Run, read_run
+from fg_mujoco.racing.summary import summary_json
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.termination import WrongWay

@@ -19,8 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from fg_mujoco.errors import ControllerError, accepted_names
-from fg_mujoco.gone import gone
+from fg_mujoco.errors import ControllerError, accepted_names, gone
 
 from .graph import Graph
 from .message_classes import SERVICE_PACKAGES, Definitions

@@ -1,11 +1,9 @@
 """Tires: the sets of models/tires/, and the laws by which the force of a tire on the ground follows from its slip."""
 
-from .brush import Brush
-from .coulomb import Coulomb
 from .law import GREATEST_SLIP, NUMBERS, Law
 from .laws import CONTACT, LAW_OF, LAWS, MODELS, curve_force
-from .linear import Linear
 from .magic_formula import MagicFormula
+from .plain_laws import Brush, Coulomb, Linear
 from .sets import (
     AXLE_KEYS,
     CONTACT_TIMESTEP,

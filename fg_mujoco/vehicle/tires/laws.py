@@ -12,12 +12,10 @@ from ...course.files import read_setting
 from ...errors import SettingsError, accepted_names
 from ...native import core
 from ...registry import Registry
-from .brush import Brush
-from .coulomb import Coulomb
 from .friction_curve import FrictionCurve
 from .law import Law
-from .linear import Linear
 from .magic_formula import MagicFormula
+from .plain_laws import Brush, Coulomb, Linear
 from .sampled import Sampled, SampledBristles
 
 CONTACT = "contact"

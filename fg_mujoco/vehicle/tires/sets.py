@@ -27,9 +27,9 @@ from ...display import brief, quoted
 from ...errors import ModelError, SettingsError, accepted_names
 from ...messages import require
 from ...registry import Registry
-from .coulomb import Coulomb
 from .law import Law
 from .laws import CONTACT, LAW_OF, LAWS, MODELS, find_law, law_names
+from .plain_laws import Coulomb
 from .sampled import sampled
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ inline constexpr double cells_per_metre = 10.0;    // a product takes a quarter 
 inline constexpr int map_edge = map_size / 2 - 2;  // cells from the car's own that are kept
 inline constexpr double sight = 9.8;               // [m] along a beam that is entered
 inline constexpr int cell_kind = 3, unknown_cell = 0, free_cell = 1, wall_cell = 2;
-// Bits of a cell, see `cells`: how near a wall was when they were last marked: within four cells, two or one.
+// Bits of a cell, see `mark_cells`: how near a wall was when they were last marked: within four cells, two or one.
 inline constexpr int cell_nearness = 12, wall_in_4 = 4, wall_in_2 = 8, wall_in_1 = 12;
 inline constexpr int path_points = 160;  // of the path that are kept
 // Columns of the path, after x, y and heading; the last two are of that.

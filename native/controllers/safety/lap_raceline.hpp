@@ -50,7 +50,7 @@ FG_RECORD(Remembered, lap, line, moved, still);
 // How to follow the line.
 struct LineProposal {
     std::int64_t state;       // line_away: there is no proposal; line_near or line_on
-    OwnTable<double> points;  // (n, 5) of the line ahead, in the frame of the car, see control.tracking
+    OwnTable<double> points;  // (n, 5) of the line ahead, in the frame of the car, see motions.py
     double steering_angle;    // [rad] for now
     double speed;             // [m/s] for now
 };

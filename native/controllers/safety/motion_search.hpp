@@ -11,7 +11,7 @@
 
 namespace fg {
 
-inline constexpr int motion_direction = 4;        // column of a motion, after those of control.tracking
+inline constexpr int motion_direction = 4;        // column of a motion, after those of tracking
 inline constexpr int motion_points = 64;          // at most
 inline constexpr std::int64_t most_nodes = 6400;  // of all searches in a tick
 inline constexpr double most_lock = 0.97;         // share of the curvature at full lock, where less leads nowhere

@@ -43,7 +43,7 @@ struct Met {
 struct Plan {
     double bearing;   // [rad] of the goal from the LiDAR
     double distance;  // [m] of that goal
-    Matrix path;      // (m, 4) motion, as in control.tracking, or (m, 5) with the speeds at which the car goes on
+    Matrix path;      // (m, 4) motion, as in motions.py, or (m, 5) with the speeds at which the car goes on
     double speed;     // [m/s] that is commanded for a tick, before the car brakes
     double margin;    // [m] ahead of the bumper
 };
