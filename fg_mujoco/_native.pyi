@@ -55,12 +55,14 @@ def scan(
 ) -> None:  # fmt: skip
     """Write the readings of one scan to `out`."""
 
-def scan_poses(scene: Scene, scratch: Scratch, positions: _Numbers, rotations: _Numbers, out: _Numbers) -> None:
+def scan_poses(
+    scene: Scene, scratch: Scratch, positions: _Numbers, rotations: _Numbers, optics: _Numbers, out: _Numbers
+) -> None:  # fmt: skip
     """Write the readings with the LiDAR at the first of some poses, and what moves at the others."""
 
 def scan_state(
     scene: Scene, scratch: Scratch, poses: Poses, qpos: _Numbers, mocap_pos: _Numbers, mocap_quat: _Numbers,
-    xpos: _Numbers, xmat: _Numbers, out: _Numbers,
+    xpos: _Numbers, xmat: _Numbers, optics: _Numbers, out: _Numbers,
 ) -> None:  # fmt: skip
     """Do `read_poses`, then `scan_poses`."""
 

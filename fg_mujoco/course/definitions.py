@@ -13,6 +13,7 @@ from .course import ISLAND, Course
 from .moving_obstacles import MovingObstacle
 from .obstacles import solids_of
 from .track import MapTrack, Track
+from .walls import PLAIN, Walls
 
 _TRACK = ("centreline", "width_right", "width_left")
 _WALLS = ("wall_right", "wall_left")
@@ -39,14 +40,15 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
     names = tuple(key for key in definition if key not in islands)
     moving = tuple(map(MovingObstacle.of, definition.get("moving", ())))
+    built = Walls.of(definition["built"]) if "built" in definition else PLAIN
     if "rules" not in names:
-        names = tuple(key for key in names if key != "moving")
+        names = tuple(key for key in names if key not in ("moving", "built"))
     lines: dict[str, FloatArray] = {key: definition[key] for key in names}
     if names == _TRACK:
-        return Track(name=name, moving=moving, **lines)
+        return Track(name=name, moving=moving, built=built, **lines)
     if names == _TRACK + _WALLS:
         outlines = tuple(definition[key] for key in islands)
-        return MapTrack(name=name, moving=moving, outlines=outlines, **lines)
+        return MapTrack(name=name, moving=moving, built=built, outlines=outlines, **lines)
     if names == _SCENE:
         start, goal, time_limit, goal_is_to_stop = definition["rules"].tolist()
         return Scene(

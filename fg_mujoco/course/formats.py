@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
@@ -19,6 +19,11 @@ from ..registry import Registry
 from .course import Course
 from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
 from .kept_courses import kept_course
+from .track import Track
+
+_OF_WALLS = re.compile(
+    r"\[((?:[^\[\]]*,)?(?:walls|height|thickness|gap|piece|porosity|room|room_height|clutter|wall_seed)=[^\[\]]*)\]$"
+)  # the settings of a name, some of which are of walls.SETTINGS
 
 TIGHT = "tight"
 """Kind of the random circuits that are built as races are: `random:SEED:tight`."""
@@ -51,16 +56,34 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
 
     Args:
       name_or_path: a bundled name, `random:SEED`, `random:SEED:tight`, `scene:NAME`, `scene:NAME:SEED`, or a path to a
-        centreline `.csv` or to a map's `.yaml`, with settings in brackets where wanted
-        (centreline_csv.load_centreline, map_track.load_map), or a text of a format that an installed package registers.
+        centreline `.csv` or to a map's `.yaml`, or a text of a format that an installed package registers; with
+        settings in brackets where wanted: of a file (centreline_csv.load_centreline, map_track.load_map), and of the
+        walls of any circuit (walls.SETTINGS).
       car: that a scene is made for: its gaps are measured in widths of the car.
 
     Raises:
-      TrackError: an unknown name, or a file that cannot be read.
+      TrackError: an unknown name, a file that cannot be read, or settings that it does not take.
     """
     name = str(name_or_path)
     if len(name) > LONGEST_NAME:
         raise TrackError(f"track {name[:60]!r}... has {len(name)} characters; accepted: {LONGEST_NAME} at most")
+    if (match := _OF_WALLS.search(name)) is None:
+        return _load(name, car)
+    from .walls import SETTINGS, read_walls
+
+    texts = [text.partition("=") for text in match[1].split(",")]
+    own = {key: value for key, _, value in texts if key in SETTINGS}
+    if len(own) < sum(key in SETTINGS for key, _, _ in texts):
+        raise TrackError(f"{name!r} has a setting twice; accepted: each once")
+    rest = ",".join("".join(text) for text in texts if text[0] not in SETTINGS)
+    course = _load(name[: match.start()] + (f"[{rest}]" if rest else ""), car)
+    if not isinstance(course, Track):
+        raise TrackError(f"{name!r} has settings of walls ({', '.join(own)}); accepted: those of a circuit")
+    return replace(course, name=name, built=read_walls(name, own))
+
+
+def _load(name: str, car: CarParameters) -> Course:
+    """Return the course of a name without settings of walls; arguments and errors are those of `load_course`."""
     for each in _formats():
         if each.accepts(name):
             return each.load(name, car)

@@ -107,6 +107,27 @@ class Prism:
         return np.array(self.footprint)
 
 
+class Pipe(Prism):
+    """A piece of a pipe that lies on the ground; `height` is its diameter.
+
+    Its footprint has four corners: the first side is where it is nearest to the road, at half its height.
+    """
+
+    SIDES = 12  # of its section, whose corners are on the circle
+
+    @classmethod
+    def section(cls) -> tuple[FloatArray, FloatArray]:
+        """Return the corners of the section, from the nearest one upwards: shares of the width and of the height."""
+        angles = np.arange(cls.SIDES) * (2.0 * math.pi / cls.SIDES)
+        return 0.5 - 0.5 * portable.cos(angles), 0.5 + 0.5 * portable.sin(angles)
+
+    def vertices(self) -> FloatArray:
+        """Return the corners of its sections at both ends, (2 SIDES, 3) [m]."""
+        (near_start, near_end, far_end, far_start), (across, above) = self.corners(), self.section()
+        rings = [near + across[:, None] * (far - near) for near, far in ((near_start, far_start), (near_end, far_end))]
+        return np.column_stack((np.concatenate(rings), np.tile(self.height * above, 2)))
+
+
 Obstacle = Box | Cylinder | Prism
 """An obstacle that stands on a course."""
 

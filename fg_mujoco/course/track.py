@@ -24,10 +24,11 @@ from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import CLEAR_AHEAD, CLEAR_BEHIND, ISLAND, Sites, default_time_limit
 from .moving_obstacles import MovingObstacle
-from .obstacles import Obstacle, Prism
+from .obstacles import Obstacle
 from .polyline import MOST_POINTS, cross, segments, self_crossings, step_lengths, steps, subdivide, turns
 from .projection import progress_by_sections, project_near, with_sections
-from .track_mesh import Surface, wall_prisms, wall_surface
+from .track_mesh import Surface
+from .walls import PLAIN, Walls, hall_solids, surface_of_walls, wall_solids
 
 OFF_CENTRE = 0.5
 """Greatest offset of a random start, as a share of what the car has between the centreline and the nearer wall."""
@@ -61,6 +62,7 @@ class Track(Shown):
     width_right: FloatArray  # (n,) [m] from the centreline to the right wall
     width_left: FloatArray  # (n,) [m] to the left wall
     moving: tuple[MovingObstacle, ...] = ()  # that move there, as `with_moving` of the add-on arena puts them
+    built: Walls = PLAIN  # how its walls are built
 
     def __post_init__(self) -> None:
         line = read_only(self.centreline)
@@ -183,17 +185,22 @@ class Track(Shown):
     def definition(self) -> dict[str, FloatArray]:
         """All that makes it what it is: line and widths, and what moves there."""
         moving = {"moving": np.array([each.numbers() for each in self.moving], np.float64)} if self.moving else {}
-        return {name: getattr(self, name) for name in ("centreline", "width_right", "width_left")} | moving
+        built = {} if self.built == PLAIN else {"built": self.built.numbers}
+        return {name: getattr(self, name) for name in ("centreline", "width_right", "width_left")} | moving | built
 
     @cached_property
     def walls(self) -> tuple[Obstacle, ...]:
         """The convex solids that the walls are made of: one for each segment of their inner faces."""
-        feet = wall_prisms(self.edges)[:, :4, :2].tolist()
-        return tuple(Prism(footprint=tuple((x, y) for x, y in corners)) for corners in feet)
+        return wall_solids(self.edges, self.built)
+
+    @cached_property
+    def hall(self) -> tuple[Obstacle, ...]:
+        """The walls of the hall that the track is in, and what stands there; none without a hall."""
+        return hall_solids(self.edges, self.built)
 
     def wall_surface(self) -> Surface | None:
         """Return one mesh of all walls, which is seen in place of the solids."""
-        return wall_surface(self.edges)
+        return surface_of_walls(self.edges, self.built)
 
     @property
     def edges(self) -> tuple[FloatArray, ...]:

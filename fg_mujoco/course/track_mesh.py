@@ -39,12 +39,21 @@ def wall_prisms(edges: Sequence[FloatArray]) -> FloatArray:
       Corners of each piece, shape (m, 8, 3) [m]: 0 and 1 the bottom edge of the inner face, 2 and 3 that of the back,
       counterclockwise from above; 4 to 7 above 0 to 3.
     """
+    return prisms_on(wall_feet(edges), WALL_HEIGHT)
+
+
+def wall_feet(edges: Sequence[FloatArray], thickness: float = WALL_THICKNESS) -> FloatArray:
+    """Return the footprints of the walls of a circuit of a thickness [m], as `wall_footprints` does. (m, 4, 2) [m]."""
     mirror = np.array([1.0, -1.0])  # the right wall is the left wall of the mirrored track, and turns the other way
-    left, *islands = (wall_footprints(edge) for edge in (edges[0], *edges[2:]))
-    right = wall_footprints(edges[1] * mirror)[:, [1, 0, 3, 2]] * mirror
-    feet = np.concatenate((left, right, *islands))
+    left, *islands = (wall_footprints(edge, thickness) for edge in (edges[0], *edges[2:]))
+    right = wall_footprints(edges[1] * mirror, thickness)[:, [1, 0, 3, 2]] * mirror
+    return np.concatenate((left, right, *islands))
+
+
+def prisms_on(feet: FloatArray, height: float) -> FloatArray:
+    """Return upright prisms of a height [m] on footprints (m, 4, 2) [m]. Shape (m, 8, 3) [m], as `wall_prisms`."""
     ground = np.zeros((*feet.shape[:2], 1))
-    return np.concatenate((np.dstack((feet, ground)), np.dstack((feet, ground + WALL_HEIGHT))), axis=1)
+    return np.concatenate((np.dstack((feet, ground)), np.dstack((feet, ground + height))), axis=1)
 
 
 def wall_surface(edges: Sequence[FloatArray]) -> Surface:
@@ -52,18 +61,27 @@ def wall_surface(edges: Sequence[FloatArray]) -> Surface:
 
     The undersides are left out, and so are the ends where two pieces meet.
     """
-    prisms = wall_prisms(edges)
+    return prism_surface(wall_prisms(edges))
+
+
+def prism_surface(prisms: FloatArray) -> Surface:
+    """Return the same of any such prisms (m, 8, 3) [m]."""
     first = 8 * np.arange(len(prisms))[:, None, None]
     faces = [(first + np.array(face)).reshape(-1, 3) for face in (_FRONT, _BACK, _TOP)]
-    seams = np.concatenate((prisms[:, [1, 2], :2], prisms[:, [0, 3], :2])).reshape(-1, 4)
+    bare_ends = open_ends(prisms[:, :4, :2])
+    faces += [(first[bare] + np.array(end)).reshape(-1, 3) for bare, end in zip(bare_ends, _ENDS, strict=True)]
+    return prisms.reshape(-1, 3), np.concatenate(faces)
+
+
+def open_ends(feet: FloatArray) -> NDArray[np.bool_]:
+    """Return whether no other footprint (m, 4, 2) [m] meets the end of each, and its start. Shape (2, m)."""
+    seams = np.concatenate((feet[:, [1, 2]], feet[:, [0, 3]])).reshape(-1, 4)
     order = np.lexsort(np.round(seams, 9).T)
     ordered = np.round(seams, 9)[order]
     alike = (ordered[1:] == ordered[:-1]).all(axis=1)
     alone = np.empty(len(seams), bool)
     alone[order] = ~(np.append(alike, False) | np.append(False, alike))
-    open_ends = alone.reshape(2, -1)
-    faces += [(first[bare] + np.array(end)).reshape(-1, 3) for bare, end in zip(open_ends, _ENDS, strict=True)]
-    return prisms.reshape(-1, 3), np.concatenate(faces)
+    return alone.reshape(2, -1)
 
 
 def wall_footprints(wall: FloatArray, thickness: float = WALL_THICKNESS) -> FloatArray:

@@ -41,6 +41,14 @@ class LidarEffects:
     dropout_probability: float = setting(0.0, "probability that a beam fails", "P", "sensors")
     latency: float = setting(0.0, "from measurement to delivery [s], rounded up to whole sweeps", "S", "sensors")
     motion_distortion: bool = setting(False, "each beam from the pose at its own time in the sweep", "", "sensors")
+    floor_angle: float = setting(  # [rad]
+        0.0, "a beam that meets the floor at less than this angle does not come back [rad], as on a glossy one; "
+        "default: 0", "RAD", "sensors",
+    )  # fmt: skip
+    through_cars: float = setting(
+        0.0, "share of the beams that pass through the bodies of other cars, but not through the boxes that the rules "
+        "ask for; default: 0", "P", "sensors",
+    )  # fmt: skip
     no_return: str = "inf"  # what a beam without a return reads: "inf" or "range_max"
     measured: Mapping[str, Any] | str | Path | None = setting(
         None, "noise, bias and dropouts by range and bearing as measured: {names}, or a TOML file of "
@@ -55,6 +63,9 @@ class LidarEffects:
         latency = f"0 to {LONGEST_LATENCY:g} s; an F1TENTH car drives 8 m in that time"
         require(self, lambda value: 0.0 <= value <= LONGEST_LATENCY, latency, ("latency",), SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("dropout_probability",), SettingsError)
+        angle = "0 to 1.57 rad, a right angle"
+        require(self, lambda value: 0.0 <= value <= 0.5 * math.pi, angle, ("floor_angle",), SettingsError)
+        require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("through_cars",), SettingsError)
         if not isinstance(self.motion_distortion, bool):
             said = f"LidarEffects.motion_distortion is {self.motion_distortion!r}"
             raise SettingsError(f"{said}; accepted: true or false")
@@ -66,6 +77,11 @@ class LidarEffects:
     def errors(self) -> Any:
         """The MeasuredErrors of the add-on realcar, loaded; None: there are none."""
         return self.measured
+
+    @property
+    def optics(self) -> tuple[float, float]:
+        """What the beams meet otherwise: `through_cars`, and the sine of `floor_angle`."""
+        return self.through_cars, math.sin(self.floor_angle)
 
     def sweeps_late(self, period: float) -> int:
         """Return the number of sweeps of a period [s] by which a scan is late."""

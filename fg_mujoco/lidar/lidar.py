@@ -98,6 +98,7 @@ class RaycastLidar(Uncopied):
       body, mount: id of the LiDAR's body, and how it is fixed to the body of a free joint; None where it is not.
       scene: what its beams can meet, prepared for the scanline z-buffer.
       poses: of the LiDAR's body, and after it of the bodies that move.
+      optics: what it makes of what it meets, LidarEffects.optics; none of it at first.
 
     Raises:
       ModelError: no LiDAR under this prefix, beams that do not leave one point in one plane, or a visible geom of a
@@ -114,6 +115,7 @@ class RaycastLidar(Uncopied):
         self.scene = ScanlineScene(model, self.beams, self.body)
         self.poses = BodyPoses(model, (self.body, *self.scene.moving), level=self.beams.level)
         self.mount = self.poses.mount(0)
+        self.optics = np.zeros(2)
         self._scene, self._scratch = core.Scene(*self.scene.arrays), core.Scratch(*self.scene.scratch())
 
     def __repr__(self) -> str:
@@ -122,7 +124,7 @@ class RaycastLidar(Uncopied):
     def ranges(self, data: Any) -> FloatArray:
         """Return the readings at the present state of `data`, all beams at once. Shape (n,) [m]."""
         readings = np.empty(len(self.beams.bearings))
-        core.scan_state(self._scene, self._scratch, self.poses.native, *state_arrays(data), readings)
+        core.scan_state(self._scene, self._scratch, self.poses.native, *state_arrays(data), self.optics, readings)
         return readings
 
     def ranges_along(self, bearings: FloatArray, positions: FloatArray, rotations: FloatArray) -> FloatArray:
@@ -131,7 +133,7 @@ class RaycastLidar(Uncopied):
         step = (bearings[-1] - bearings[0]) / max(len(bearings) - 1, 1)
         limits = np.array((bearings[0], step or self.beams.angle_increment, self.beams.range_min, self.beams.range_max))
         scene = self._scene.along(np.stack((portable.cos(bearings), portable.sin(bearings))), limits)
-        core.scan_poses(scene, self._scratch, positions, rotations, readings)
+        core.scan_poses(scene, self._scratch, positions, rotations, self.optics, readings)
         return readings
 
 

@@ -1,5 +1,8 @@
 """The visible surfaces of a model as flat arrays, prepared for the beams of one LiDAR: what `scanline.scan` draws.
 
+A porous geom lets a share of the beams through: the first of its `user` numbers. Where its holes are follows from the
+place on it alone, by cells of 2 cm.
+
 The geoms are those that MuJoCo's rays see: not the transparent ones (alpha 0 of the material, or of the geom where it
 has no material; `show_as_drawn` makes that what pictures show), any group, both sides of a mesh or box, the front of a
 plane. Nothing of the kinematic tree that carries the LiDAR is seen.
@@ -30,23 +33,28 @@ _KINDS = {
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): 2.0,
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): 3.0,
 }
-SHAPE = 17
+SHAPE = 18
 """Numbers of a shape: kind, sizes as of its geom [m], position [m], rotation row by row, radius of the sphere around it
-[m]; position and rotation in the frame of its body."""
+[m], and the share of the beams that pass through; position and rotation in the frame of its body."""
+
 
 def is_shape(kind: int) -> bool:
     """Return whether a geom of this mjtGeom is one of these shapes."""
     return kind in _KINDS
 
 
-def shape_row(kind: int, size: FloatArray, position: FloatArray, rotation: FloatArray) -> FloatArray:
+def shape_row(
+    kind: int, size: FloatArray, position: FloatArray, rotation: FloatArray, porosity: float = 0.0
+) -> FloatArray:
     """Return the numbers of a shape (SHAPE,): size (3,) [m]; position (3,) [m], rotation (3, 3) in its body's frame."""
     around = {0: size[0], 1: size[0] + size[1], 2: size.max(), 3: math.hypot(size[0], size[1])}[int(_KINDS[kind])]
-    return np.concatenate(([_KINDS[kind]], size, position, rotation.ravel(), [around]))
+    return np.concatenate(([_KINDS[kind]], size, position, rotation.ravel(), [around, porosity]))
 
 
 BINS = 64  # of distance, into which a scan sorts the clusters, as in native/lidar/scene.hpp
 NO_END = 1e300  # [m] half-size of a plane without end, as there
+AS_OPTICS_SAY = -1.0
+"""The porosity of a geom of a car, which follows from LidarEffects.through_cars."""
 _LEAST_STEP = 1e-4  # [rad] between beams, so that `bearing` in culling.hpp tells which two a point is between
 _IN_PLANE = 1e-12  # of directions [-] and origins [m]
 
@@ -67,7 +75,7 @@ class SceneArrays(NamedTuple):
     limits: FloatArray  # (4,) angle_min [rad], angle_increment [rad], range_min [m], range_max [m]
     edges: FloatArray  # (6, e) [m] as in clusters.Clusters, and so the next three
     triangles: NDArray[np.uint16]  # (t, 3)
-    boxes: FloatArray  # (7, b) [m]
+    boxes: FloatArray  # (8, b) [m]; the eighth is the share of the beams that pass through [-]
     spans: NDArray[np.int32]  # (b, 5) the fifth is the frame
     planes: FloatArray  # (p, 14) position, rotation row by row, half-sizes [m]
     frames: NDArray[np.int32]  # (f, 7) first cluster, behind the last; first plane, behind; first shape, behind; tree
@@ -102,22 +110,27 @@ class ScanlineScene:
     def __init__(self, model: Any, beams: Beams, carrier: int | None) -> None:
         surfaces = _surfaces(model, carrier)
         self.moving = tuple(part.body for part in surfaces[1:])
-        clusters = [make_clusters(part.vertices, part.triangles) for part in surfaces]
-        spans, frames = [], []
+        clusters, boxes, spans, frames = [], [], [], []
         edge = triangle = cluster = plane = shape = 0
-        for frame, (part, own) in enumerate(zip(surfaces, clusters, strict=True)):
-            spans.append(np.insert(own.spans + np.array((edge, edge, triangle, triangle)), 4, frame, axis=1))
-            behind = (cluster + len(own.spans), plane + len(part.planes), shape + len(part.shapes))
+        for frame, part in enumerate(surfaces):
+            first = cluster
+            for porosity, vertices, triangles in part.meshes:
+                own = make_clusters(vertices, triangles)
+                clusters.append(own)
+                boxes.append(np.vstack((own.boxes, np.full(len(own.spans), porosity))))
+                spans.append(np.insert(own.spans + np.array((edge, edge, triangle, triangle)), 4, frame, axis=1))
+                edge, triangle = edge + own.edges.shape[1], triangle + len(own.triangles)
+                cluster += len(own.spans)
+            behind = (cluster, plane + len(part.planes), shape + len(part.shapes))
             tree = int(model.body_rootid[part.body])
-            frames.append((cluster, behind[0], plane, behind[1], shape, behind[2], tree))
-            edge, triangle = edge + own.edges.shape[1], triangle + len(own.triangles)
-            cluster, plane, shape = behind
+            frames.append((first, behind[0], plane, behind[1], shape, behind[2], tree))
+            plane, shape = behind[1:]
         self.arrays = SceneArrays(
             beams=beams.in_plane,
             limits=_fixed([beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max]),
             edges=_fixed(np.concatenate([own.edges for own in clusters], axis=1)),
             triangles=_fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
-            boxes=_fixed(np.concatenate([own.boxes for own in clusters], axis=1)),
+            boxes=_fixed(np.concatenate(boxes, axis=1)),
             spans=_fixed(np.concatenate(spans), np.int32),
             planes=_fixed(np.concatenate([part.planes for part in surfaces])),
             frames=_fixed(frames, np.int32),
@@ -155,19 +168,26 @@ def _sphere_around(part: _Surfaces) -> FloatArray:
     """Return centre and radius of a sphere around the surfaces of a body [m]. Shape (4,)."""
     if part.body == 0 or len(part.planes):
         return np.array((0.0, 0.0, 0.0, NO_END))
-    centres = np.concatenate((part.vertices, part.shapes[:, 4:7]))
-    radii = np.concatenate((np.zeros(len(part.vertices)), part.shapes[:, -1]))
+    vertices = np.concatenate([own for _, own, _ in part.meshes])
+    centres = np.concatenate((vertices, part.shapes[:, 4:7]))
+    radii = np.concatenate((np.zeros(len(vertices)), part.shapes[:, 16]))
     centre = 0.5 * ((centres - radii[:, None]).min(axis=0) + (centres + radii[:, None]).max(axis=0))
     radius = float((np.linalg.norm(centres - centre, axis=1) + radii).max())
     return np.append(centre, radius * (1.0 + 1e-9) + 1e-9)
+
+
+def let_through(spec: Any, geom: Any, share: float) -> None:
+    """Let a share of the beams through a geom of a spec, or AS_OPTICS_SAY, in place."""
+    spec.nuser_geom = max(spec.nuser_geom, 1)
+    geom.userdata = [share]
 
 
 class _Surfaces(NamedTuple):
     """Surfaces that keep their places in the frame of one body."""
 
     body: int  # id of the body; 0, the world, for all that never moves
-    vertices: FloatArray  # (v, 3) [m]
-    triangles: NDArray[np.int32]  # (t, 3) indices of vertices
+    meshes: tuple[tuple[float, FloatArray, NDArray[np.int32]], ...]  # of each porosity: that, vertices (v, 3) [m], and
+    # triangles (t, 3), indices of vertices
     planes: FloatArray  # (p, 14) as of SceneArrays
     shapes: FloatArray  # (k, SHAPE)
 
@@ -176,32 +196,37 @@ def _surfaces(model: Any, carrier: int | None) -> list[_Surfaces]:
     """Return the surfaces that rays meet, by body: the world's first, as it is now, then those that move."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    found: dict[int, tuple[list[Any], list[Any], list[Any], list[Any]]] = {0: ([], [], [], [])}
+    found: dict[int, tuple[dict[float, list[Any]], list[Any], list[Any]]] = {0: ({0.0: []}, [], [])}
     for geom in _visible_geoms(model, carrier):
         body = int(model.body_weldid[model.geom_bodyid[geom]])  # 0 for all that never moves
-        vertices, triangles, planes, shapes = found.setdefault(body, ([], [], [], []))
+        meshes, planes, shapes = found.setdefault(body, ({0.0: []}, [], []))
         to_body, kind = data.xmat[body].reshape(3, 3).T, int(model.geom_type[geom])
         position = to_body @ (data.geom_xpos[geom] - data.xpos[body])
         rotation = to_body @ data.geom_xmat[geom].reshape(3, 3)
+        porosity = float(model.geom_user[geom, 0]) if model.nuser_geom else 0.0
         if kind == mujoco.mjtGeom.mjGEOM_PLANE:
             half_sizes = np.where(model.geom_size[geom, :2] > 0.0, model.geom_size[geom, :2], NO_END)
             planes.append(np.concatenate((position, rotation.ravel(), half_sizes)))
         elif is_shape(kind):
-            shapes.append(shape_row(kind, model.geom_size[geom], position, rotation))
+            shapes.append(shape_row(kind, model.geom_size[geom], position, rotation, porosity))
         else:
             own, corners = _geom_triangles(model, geom)
-            vertices.append(position + own @ rotation.T)
-            triangles.append(corners)
-    parts = []
-    for body, (vertices, triangles, planes, shapes) in sorted(found.items()):
-        starts = np.cumsum([0, *map(len, vertices)])
-        joined = [corners + start for corners, start in zip(triangles, starts, strict=False)]
-        parts.append(_Surfaces(
-            body, np.concatenate([np.empty((0, 3)), *vertices]),
-            np.concatenate([np.empty((0, 3), np.int32), *joined]).astype(np.int32),
-            np.reshape(planes, (-1, 14)), np.reshape(shapes, (-1, SHAPE)),
-        ))  # fmt: skip
-    return parts
+            meshes.setdefault(porosity, []).append((position + own @ rotation.T, corners))
+    return [
+        _Surfaces(body, tuple((porosity, *_joined(own)) for porosity, own in sorted(meshes.items())),
+                  np.reshape(planes, (-1, 14)), np.reshape(shapes, (-1, SHAPE)))
+        for body, (meshes, planes, shapes) in sorted(found.items())
+    ]  # fmt: skip
+
+
+def _joined(meshes: list[tuple[FloatArray, NDArray[np.int32]]]) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Return the vertices (v, 3) and triangles (t, 3) of several meshes as one."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    corners = [own + start for (_, own), start in zip(meshes, starts, strict=False)]
+    return (
+        np.concatenate([np.empty((0, 3)), *(vertices for vertices, _ in meshes)]),
+        np.concatenate([np.empty((0, 3), np.int32), *corners]).astype(np.int32),
+    )
 
 
 def _visible_geoms(model: Any, carrier: int | None) -> list[int]:

@@ -48,7 +48,8 @@ from .rules import find_rules
 FIELD_OF = {
     "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
     "lidar_effects": ("effects", "measured"), "lidar_latency": ("effects", "latency"),
-    "motion_distortion": ("effects", "motion_distortion"),
+    "motion_distortion": ("effects", "motion_distortion"), "floor_angle": ("effects", "floor_angle"),
+    "through_cars": ("effects", "through_cars"),
     "start_s": ("start", "s"), "start_offset": ("start", "offset"), "start_heading": ("start", "heading"),
     "start_speed": ("start", "speed"), "mass": ("changes", "mass"),
     "cog_height": ("changes", "center_of_gravity_height"), "steering_gain": ("changes", "steering_gain"),

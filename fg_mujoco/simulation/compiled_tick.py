@@ -24,8 +24,8 @@ from .physics import Batch, StateLayout
 
 NAMES = (
     "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_positions",
-    "offset_rotations", "motions", *SceneArrays._fields, *Scratch._fields, "ranges", "commands", "times", "records",
-    "ids", "status", "failed", "mu", "slip", "crashed", "statistics", "reasons", "warnings", "lap_times",
+    "offset_rotations", "motions", *SceneArrays._fields, *Scratch._fields, "ranges", "optics", "commands", "times",
+    "records", "ids", "status", "failed", "mu", "slip", "crashed", "statistics", "reasons", "warnings", "lap_times",
     "standing_since", "table", "tires", "tire_states",
     "patches", "wheels", "floor_mu", "pairs", "car_places", "links", "touch_places", "touched_at", "sizes", "span",
     "row_counts", "row_starts", "inertia_columns", "gears", "scratch",
@@ -33,14 +33,14 @@ NAMES = (
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows.
 
-Of the cars: `cars` (r,) of CAR, `timers` (r,) of LAP_TIMER, `odometry` (r,) of ODOMETRY, `telemetry`
-(r, len(TELEMETRY)), `statistics` (r,) of STATISTICS, `ranges` (r, beams) [m], `mu` (r, 4) of the tires, `touched_at`
-(r, m) when a car last touched each other of its world [s], and (r,) `running`, `failed` and `crashed`. Of a world of m
-cars: `car_places` (m, 7) see LEVEL, `touch_places` (m, m) where in the sensors two cars' touching is, `tires` (k,) of
-TIRE, `links` of LINK, `motions` (obstacles, 8) of `motion_table`, and how the LiDARs are fixed to the cars,
-`offset_positions` (m, 3) [m] and `offset_rotations` (m, 3, 3). Of the steps of a tick: `records` (n, steps,
-nsensordata) as of a Batch, `tire_states` (n, steps, k USERDATA), and `slip` (QUANTITIES, steps, 4), room in which that
-of the last car is left. `alone` (2,) and `copies` (k, 4) are those of CarsAlone; empty: there is none.
+Of the cars: `cars` (r,) of CAR, `timers` (r,) of LAP_TIMER, `odometry` (r,) of ODOMETRY, `telemetry` (r,
+len(TELEMETRY)), `statistics` (r,) of STATISTICS, `ranges` (r, beams) [m], `optics` (r, 2) of their LiDARs, `mu` (r, 4)
+of the tires, `touched_at` (r, m) when a car last touched each other of its world [s], and (r,) `running`, `failed` and
+`crashed`. Of a world of m cars: `car_places` (m, 7) see LEVEL, `touch_places` (m, m) where in the sensors two cars'
+touching is, `tires` (k,) of TIRE, `links` of LINK, `motions` (obstacles, 8) of `motion_table`, and how the LiDARs are
+fixed to the cars, `offset_positions` (m, 3) [m] and `offset_rotations` (m, 3, 3). Of the steps of a tick: `records` (n,
+steps, nsensordata) as of a Batch, `tire_states` (n, steps, k USERDATA), and `slip` (QUANTITIES, steps, 4), room in
+which that of the last car is left. `alone` (2,) and `copies` (k, 4) are those of CarsAlone; empty: there is none.
 """
 
 KEPT = ("ticks", "telemetry", "states", "controls")

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import ModelError, SettingsError, is_of_planner
 from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects
+from ..lidar.lidar import RaycastLidar
 from ..lidar.scan_pipeline import EffectsOfRows, ScanPipeline
 from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.motion import drift_odometry
@@ -57,6 +58,10 @@ class Sensing:
         """Begin anew for a car, of whom scans (`messages`) or ranges only are read; SettingsError as Sensor.steps."""
         self._pipelines.pop(row, None)
         self._row_effects.end(row)
+        self._arrays.optics[row] = optics = (effects or LidarEffects()).optics
+        batch, _ = self._engine._place_of(row // self._engine.cars_per_world)
+        if any(optics) and batch.drawn is None:
+            raise SettingsError("floor_angle or through_cars of a LiDAR that MuJoCo measures; accepted: lidar raycast")
         if effects is not None and effects != LidarEffects():
             if messages or effects.motion_distortion:
                 self._pipelines[row] = self._pipeline(row, effects, seed)
@@ -140,6 +145,8 @@ class Sensing:
         engine = self._engine
         i, car = divmod(row, engine.cars_per_world)
         distorted = engine._place_of(i)[0].lidar(car) if effects.motion_distortion else None
+        if isinstance(distorted, RaycastLidar):
+            distorted.optics[:] = effects.optics
         return ScanPipeline(distorted or _RangesRow(engine.beams, engine.ranges[row]), effects, seed)
 
     def _data_of(self, i: int, pipeline: ScanPipeline | None = None) -> Any:

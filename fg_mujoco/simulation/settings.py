@@ -374,6 +374,8 @@ class CarKeywords(TypedDict, total=False):
     lidar_dropout: float
     lidar_latency: float
     motion_distortion: bool
+    floor_angle: float
+    through_cars: float
     start_s: float
     start_offset: float
     start_heading: float

@@ -6,6 +6,7 @@ starts from the same bits.
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 import xml.etree.ElementTree as ElementTree
@@ -26,12 +27,13 @@ from ..course.definitions import course_sha256
 from ..course.kept_courses import sources_of_courses
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
-from ..course.obstacles import Obstacle, require_obstacles
+from ..course.obstacles import Obstacle, Pipe, require_obstacles
+from ..course.walls import PLAIN
 from ..display import brief, quoted
-from ..errors import ModelError, SettingsError, accepted_names
+from ..errors import ModelError, Note, SettingsError, accepted_names
 from ..kept import kept
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
-from ..lidar.visible_surfaces import ScanlineScene
+from ..lidar.visible_surfaces import AS_OPTICS_SAY, ScanlineScene, let_through
 from ..messages import CarParameters, FloatArray, shown
 from ..vehicle.bodywork import PUSH_OF_MOVING, add_hull, harden, stand_on_ground
 from ..vehicle.car import Car
@@ -60,9 +62,11 @@ _WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis 
 _BELOW_GROUND = 0.5  # [m] that solids reach down: MuJoCo pushes a car out by the shortest way, which is never down
 _COLLISION_GROUP = 3  # viewers hide it, as the car's own collision geoms
 _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
+_DUCT_COLOUR = (0.16, 0.16, 0.18, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
 _INVISIBLE = (0.0, 0.0, 0.0, 0.0)  # rays skip it too
 
+_LOW_WALLS = 0.3  # [m] over the LiDARs of all vehicles of this scale
 _LEAST_MEMORY = 2**21  # bytes of contacts and constraints, as the bundled vehicles have it; a car in a wall uses 0.1 MB
 
 OBSTACLE_PREFIX = "obstacle_"
@@ -128,6 +132,7 @@ class World(Suggesting):
         self.moving = moving_obstacles(self.model)
         self.cars = tuple(Car(self.model, car_prefix(index)) for index in range(len(builds)))
         self.car = self.cars[0]
+        _note_walls(self)
         for build, car in zip(builds, self.cars, strict=True):
             if build.changes.center_of_gravity_height is not None:
                 _warn_of_lifting(car)
@@ -188,6 +193,22 @@ class World(Suggesting):
     def all_seen(self) -> ScanlineScene:
         """All that the LiDARs of the cars can meet, each other too, prepared for the beams of car 0's."""
         return ScanlineScene(self.model, self.lidar.beams, None)
+
+
+def _note_walls(world: World) -> None:
+    """Remark walls over which the beams look and see nothing; refuse porous ones that MuJoCo's rays are to measure."""
+    built = getattr(world.track, "built", PLAIN)
+    if built.porosity and world.lidar_backend != "raycast":
+        said = f"walls with a porosity of {built.porosity:g} for the LiDAR back end {world.lidar_backend!r}"
+        raise SettingsError(f"{said}; accepted: 'raycast'")
+    if built.height >= _LOW_WALLS or built.room:
+        return
+    data = mujoco.MjData(world.model)
+    mujoco.mj_kinematics(world.model, data)
+    height = float(data.body(LIDAR_PREFIX + world.vehicle.lidar.body).xpos[2])
+    if built.height < height:
+        said = f"the walls of {world.track.name!r} are {built.height:g} m high, below the LiDAR at {height:.3g} m"
+        warnings.warn(f"{said}: its beams see none of them, and no hall behind", Note, stacklevel=3)
 
 
 def _warn_of_lifting(car: Car) -> None:
@@ -280,6 +301,7 @@ def _compose(
         # cars that do not touch are solved apart, so that each costs as much as if it were alone
         spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     spec.nuserdata = sum(car.nuserdata for car in cars)
+    spec.nuser_geom = max(1 if len(cars) > 1 else -1, *(car.nuser_geom for car in cars))
     if not any(equality.type == mujoco.mjtEq.mjEQ_TENDON for car in cars for equality in car.equalities):
         # static geoms are placed once, not every step; MuJoCo lets nothing sleep beside an equality of tendons
         spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -289,10 +311,13 @@ def _compose(
         drop_tire_sensors(car) if car.numeric(NUMERIC.format("front")) is not None else add_axle_sensors(car)
         drop_unread_sensors(car)
         if len(cars) > 1:
+            for geom in car.geoms:
+                if geom.name != "ground":
+                    let_through(car, geom, AS_OPTICS_SAY)
             make_visible(car, index, vehicle.parameters)
         if index > 0:
             hide_ground(car)
-        car.memory, car.nuserdata = spec.memory, spec.nuserdata  # attaching warns where they differ
+        car.memory, car.nuserdata, car.nuser_geom = spec.memory, spec.nuserdata, spec.nuser_geom  # or attaching warns
         beams = vehicle.lidar.spec(sensors=lidar == "rangefinder")
         solids = _named_solids(beams)
         car.attach(beams, site=car.site("lidar_mount"), prefix=LIDAR_IN_CAR)
@@ -358,16 +383,23 @@ def _add_walls(spec: Any, track: Course) -> None:
     surface = track.wall_surface()
     if surface is not None:
         vertices, faces = surface
-        spec.add_mesh(name="walls", uservert=vertices.ravel(), userface=faces.ravel())
-        spec.worldbody.add_geom(
-            name="walls", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls", rgba=_WALL_COLOUR, contype=0, conaffinity=0
+        built = getattr(track, "built", None)
+        name, colour = ("walls", _WALL_COLOUR) if built is None or built.kind != "duct" else ("ducts", _DUCT_COLOUR)
+        spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel())
+        geom = spec.worldbody.add_geom(
+            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=0, conaffinity=0
         )
-    for index, wall in enumerate(track.walls):
-        _add_hull(spec, f"wall_{index}", _prism(wall), _WALL_COLOUR if surface is None else _INVISIBLE)
+        if built is not None and built.porosity:
+            let_through(spec, geom, math.sqrt(built.porosity))  # a beam meets its front and its back
+    hidden = 0 if surface is None else len(track.walls)
+    for index, wall in enumerate((*track.walls, *getattr(track, "hall", ()))):
+        _add_hull(spec, f"wall_{index}", _prism(wall), _INVISIBLE if index < hidden else _WALL_COLOUR)
 
 
 def _prism(solid: Obstacle) -> FloatArray:
-    """Return the corners of a solid, _BELOW_GROUND and above it. Shape (n, 3) [m]."""
+    """Return the corners of a solid, _BELOW_GROUND and above it, or of a pipe. Shape (n, 3) [m]."""
+    if isinstance(solid, Pipe):
+        return solid.vertices()
     footprint = solid.corners()
     heights = np.repeat((-_BELOW_GROUND, solid.height), len(footprint))
     return np.column_stack((np.tile(footprint, (2, 1)), heights))

@@ -57,6 +57,7 @@ class CarArrays:
     mu: FloatArray  # (r, 4) of the tires
     odometry: NDArray[np.void]  # (r,) of ODOMETRY, last sensed
     ranges: FloatArray  # (r, beams) [m] as in LaserScan, last sensed
+    optics: FloatArray  # (r, 2) LidarEffects.optics of their LiDARs
     commands: FloatArray  # (r, 2) [rad, m/s]
     crashed: Mask  # (r,) whether the chassis has touched anything but a car since the car was placed
     touched_at: FloatArray  # (r, m) when it last touched each car of its world [s]; -inf: not since it was placed; in
@@ -73,6 +74,7 @@ class CarArrays:
             mu=np.zeros((count, len(WHEELS))),
             odometry=np.zeros(count, ODOMETRY),
             ranges=np.zeros((count, beams)),
+            optics=np.zeros((count, 2)),
             commands=np.zeros((count, 2)),
             crashed=np.zeros(count, np.bool_),
             touched_at=np.full((count, cars_per_world), -np.inf),

@@ -64,8 +64,48 @@ FG_VERSIONS void draw(const Matrix& beams, double along_x, double along_y, int f
     }
 }
 
+// Whether a porous surface has a hole at a place in the frame of its body [m], by cells of 2 cm: a share of them has one.
+bool is_hole(double x, double y, double z, double porosity) {
+    constexpr double cells = 50.0;  // a metre
+    std::uint64_t hash = 0;
+    for (const double place : {x + 0.00731, y + 0.00377, z + 0.00519}) {  // not along the coordinates of walls
+        hash ^= static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(cells * place)));
+        hash = (hash ^ (hash >> 30)) * 0xbf58476d1ce4e5b9u;  // splitmix64
+        hash = (hash ^ (hash >> 27)) * 0x94d049bb133111ebu;
+        hash ^= hash >> 31;
+    }
+    return static_cast<double>(hash >> 11) * 0x1p-53 < porosity;
+}
+
+// What draws a surface that lets a share of the beams through.
+class Porous {
+public:
+    Porous(const Pose& pose, double porosity) : pose_(pose), porosity_(porosity) {}
+
+    void operator()(const Matrix& beams, double along_x, double along_y, int first, int behind,
+                    Row<double> out) const {
+        for (int beam = first; beam < behind; ++beam) {
+            const double cosine = beams[0][beam], sine = beams[1][beam];
+            const double inverse = along_x * cosine + along_y * sine;
+            if (inverse > out[beam] && !has_hole(cosine, sine, 1.0 / inverse)) out[beam] = inverse;
+        }
+    }
+    // Whether there is a hole where a beam meets the surface.
+    bool has_hole(double cosine, double sine, double distance) const {
+        const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose_;
+        const double x = distance * cosine, y = distance * sine;
+        return is_hole(ox + x * xx + y * yx, oy + x * xy + y * yy, oz + x * xz + y * yz, porosity_);
+    }
+
+private:
+    const Pose& pose_;
+    double porosity_;
+};
+
 // Draw the line between two points of the scan plane, whose first beams at or to the left are `a` and `b`.
-void draw_line(const Matrix& beams, double ax, double ay, int a, double bx, double by, int b, Row<double> out) {
+template <class Draw>
+void draw_line(const Matrix& beams, double ax, double ay, int a, double bx, double by, int b, Row<double> out,
+               const Draw& draw) {
     const double ex = bx - ax, ey = by - ay;
     const double cross = ax * ey - ay * ex;  // positive where `b` is to the left of `a`
     const bool edge_on = std::abs(cross) <= EDGE_ON * (std::abs(ax) + std::abs(ay)) * (std::abs(ex) + std::abs(ey));
@@ -134,10 +174,15 @@ FG_VERSIONS void cut_edges(const Scene& scene, const Pose& pose, int first, int 
     }
 }
 
-void draw_cluster(const Scene& scene, int cluster, const Scratch& scratch, Row<double> out) {
+// Return the share of the beams that pass through a surface.
+double porosity_of(double own, const Optics& optics) { return own == as_optics_say ? optics.through_cars : own; }
+
+void draw_cluster(const Scene& scene, int cluster, const Scratch& scratch, Row<double> out, const Optics& optics) {
     const Row<const std::int32_t> span = scene.spans[cluster];
     const int first_edge = span[0], behind_edge = span[1], first_triangle = span[2], behind_triangle = span[3];
-    cut_edges(scene, Pose(scratch.poses[span[4]]), first_edge, behind_edge, scratch);
+    const Pose pose(scratch.poses[span[4]]);
+    const double porosity = porosity_of(scene.boxes[7][cluster], optics);
+    cut_edges(scene, pose, first_edge, behind_edge, scratch);
     const Row<double> x = scratch.cuts[0], y = scratch.cuts[1];
     const Row<std::int32_t> columns = scratch.columns;
     for (int edge = 0; edge < behind_edge - first_edge; ++edge)
@@ -151,8 +196,12 @@ void draw_cluster(const Scene& scene, int cluster, const Scratch& scratch, Row<d
         } else if (columns[other] == NOT_CUT) {
             other = corners[2];
         }
-        if (columns[one] != columns[other] || (y[one] >= 0.0) != (y[other] >= 0.0))  // else between beams
-            draw_line(scene.beams, x[one], y[one], columns[one], x[other], y[other], columns[other], out);
+        if (columns[one] == columns[other] && (y[one] >= 0.0) == (y[other] >= 0.0)) continue;  // between beams
+        const auto draw_by = [&](const auto& draw) {
+            draw_line(scene.beams, x[one], y[one], columns[one], x[other], y[other], columns[other], out, draw);
+        };
+        if (porosity > 0.0) [[unlikely]] draw_by(Porous(pose, porosity));
+        else draw_by(draw);
     }
 }
 
@@ -188,7 +237,8 @@ FG_VERSIONS void draw_plane(Numbers plane, const Pose& pose, const Matrix& beams
     }
 }
 
-void draw_shape_into(const Scene& scene, Numbers shape, const Pose& pose, int first, int behind, Row<double> out) {
+void draw_shape_into(const Scene& scene, Numbers shape, const Pose& pose, int first, int behind, Row<double> out,
+                     double porosity) {
     const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
     const Vector p = into_shape(shape, ox - shape[4], oy - shape[5], oz - shape[6]);
     const Vector a = into_shape(shape, xx, xy, xz), b = into_shape(shape, yx, yy, yz);
@@ -197,12 +247,14 @@ void draw_shape_into(const Scene& scene, Numbers shape, const Pose& pose, int fi
         const double cosine = cosines[beam], sine = sines[beam];
         const Vector along{cosine * a.x + sine * b.x, cosine * a.y + sine * b.y, cosine * a.z + sine * b.z};
         const double distance = ray_distance(shape[0], shape[1], shape[2], shape[3], p, along);
-        if (distance >= 0.0 && distance * out[beam] < 1.0) out[beam] = 1.0 / max(distance, TINY);
+        if (!(distance >= 0.0 && distance * out[beam] < 1.0)) continue;
+        if (porosity > 0.0 && Porous(pose, porosity).has_hole(cosine, sine, distance)) continue;
+        out[beam] = 1.0 / max(distance, TINY);
     }
 }
 
 // Draw a round shape into the beams that may meet it, each of which is asked.
-void draw_shape(const Scene& scene, Numbers shape, const Pose& pose, Row<double> out) {
+void draw_shape(const Scene& scene, Numbers shape, const Pose& pose, Row<double> out, const Optics& optics) {
     const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
     const double cx = shape[4] - ox, cy = shape[5] - oy, cz = shape[6] - oz, radius = shape[16];
     if (std::abs(zx * cx + zy * cy + zz * cz) > radius + 1e-9) return;
@@ -213,10 +265,25 @@ void draw_shape(const Scene& scene, Numbers shape, const Pose& pose, Row<double>
     const double spread = angle / scene.angle_increment();
     const int beams = out.size(), turn = whole_turn(scene);
     const int right = whole(middle - spread - 2.0), left = whole(middle + spread + 3.0);
-    draw_shape_into(scene, shape, pose, max(right, 0), min(left, beams), out);
+    const double porosity = porosity_of(shape[17], optics);
+    draw_shape_into(scene, shape, pose, max(right, 0), min(left, beams), out, porosity);
     if (right + turn < beams)  // what goes on beyond straight behind
-        draw_shape_into(scene, shape, pose, max(right + turn, 0), beams, out);
-    if (left - turn > 0) draw_shape_into(scene, shape, pose, 0, min(left - turn, beams), out);
+        draw_shape_into(scene, shape, pose, max(right + turn, 0), beams, out, porosity);
+    if (left - turn > 0) draw_shape_into(scene, shape, pose, 0, min(left - turn, beams), out, porosity);
+}
+
+// Let beams that meet a floor at a glancing angle not come back.
+void lose_glancing(Numbers plane, const Pose& pose, const Matrix& beams, double range_max, Row<double> out,
+                   double least) {
+    const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
+    const double height = (ox - plane[0]) * plane[5] + (oy - plane[1]) * plane[8] + (oz - plane[2]) * plane[11];
+    const double slope_x = xx * plane[5] + xy * plane[8] + xz * plane[11];
+    const double slope_y = yx * plane[5] + yy * plane[8] + yz * plane[11];
+    for (int beam = 0; beam < out.size(); ++beam) {
+        const double approach = -(slope_x * beams[0][beam] + slope_y * beams[1][beam]);
+        const bool on_floor = approach > 0.0 && approach >= out[beam] * height * (1.0 - 1e-9);
+        if (on_floor && approach < least) out[beam] = (1.0 - 1e-12) / range_max;
+    }
 }
 
 // Turn 1 / distance [1/m] into readings [m].
@@ -231,7 +298,7 @@ FG_VERSIONS void write_readings(double range_min, double range_max, Row<double> 
 }  // namespace
 
 void scan(const Scene& scene, const Scratch& scratch, Numbers position, Matrix rotation, Matrix moving_positions,
-          Cube<const double> moving_rotations, Row<double> out, int own_tree) {
+          Cube<const double> moving_rotations, Row<double> out, int own_tree, const Optics& optics) {
     for (int beam = 0; beam < out.size(); ++beam)  // until the end `out` holds 1 / distance; what is farther is not drawn
         out[beam] = (1.0 - 1e-12) / scene.range_max();
     for (int frame = 0; frame < scene.frames.rows; ++frame) {
@@ -250,7 +317,7 @@ void scan(const Scene& scene, const Scratch& scratch, Numbers position, Matrix r
         }
         const Pose pose(scratch.poses[frame]);
         for (int plane = parts[2]; plane < parts[3]; ++plane) draw_plane(scene.planes[plane], pose, scene.beams, out);
-        for (int shape = parts[4]; shape < parts[5]; ++shape) draw_shape(scene, scene.shapes[shape], pose, out);
+        for (int shape = parts[4]; shape < parts[5]; ++shape) draw_shape(scene, scene.shapes[shape], pose, out, optics);
         survey(scene, pose, first_cluster, behind_cluster, scratch);
     }
     const int turn = whole_turn(scene);
@@ -258,8 +325,12 @@ void scan(const Scene& scene, const Scratch& scratch, Numbers position, Matrix r
     for (int place = 0; place < count; ++place) {
         const int cluster = scratch.views[2][place];
         const int right = scratch.views[0][cluster], left = scratch.views[1][cluster];
-        if (!is_hidden(right, left, scratch.nearest[cluster], turn, out)) draw_cluster(scene, cluster, scratch, out);
+        if (!is_hidden(right, left, scratch.nearest[cluster], turn, out))
+            draw_cluster(scene, cluster, scratch, out, optics);
     }
+    if (optics.glancing > 0.0) [[unlikely]]
+        for (int plane = scene.frames[0][2]; plane < scene.frames[0][3]; ++plane)
+            lose_glancing(scene.planes[plane], Pose(scratch.poses[0]), scene.beams, scene.range_max(), out, optics.glancing);
     write_readings(scene.range_min(), scene.range_max(), out);
 }
 

@@ -4,7 +4,7 @@
 namespace fg {
 namespace {
 
-constexpr int SHAPE = 17;  // numbers of a round shape, see fg_mujoco/lidar/visible_surfaces.py
+constexpr int SHAPE = 18;  // numbers of a round shape, see fg_mujoco/lidar/visible_surfaces.py
 
 bool is_span(std::int64_t first, std::int64_t behind, std::int64_t length) {
     return 0 <= first && first <= behind && behind <= length;
@@ -20,9 +20,9 @@ void Scene::check_beams() const {
 void Scene::check_layout() const {
     check_beams();
     require(edges.rows == 6 && triangles.columns == 3, "edges is not (6, e), or triangles is not (t, 3)");
-    require(boxes.rows == 7 && spans.columns == 5 && boxes.columns == spans.rows,
-            "boxes and spans are not (7, b) and (b, 5)");
-    require(planes.columns == 14 && shapes.columns == SHAPE, "planes is not (p, 14), or shapes is not (k, 17)");
+    require(boxes.rows == 8 && spans.columns == 5 && boxes.columns == spans.rows,
+            "boxes and spans are not (8, b) and (b, 5)");
+    require(planes.columns == 14 && shapes.columns == SHAPE, "planes is not (p, 14), or shapes is not (k, 18)");
     require(frames.rows > 0 && frames.columns == 7 && spheres.rows == frames.rows && spheres.columns == 4,
             "frames and spheres are not (f, 7) and (f, 4)");
     for (std::int64_t frame = 0; frame < frames.rows; ++frame) {

@@ -44,22 +44,24 @@ struct CheckedScene : Scene {
 };
 
 void checked_scan(const CheckedScene& scene, const Scratch& scratch, Numbers position, Matrix rotation,
-                  Matrix moving_positions, Cube<const double> moving_rotations, Row<double> out, int own_tree) {
+                  Matrix moving_positions, Cube<const double> moving_rotations, Row<double> out, int own_tree,
+                  const Optics& optics = {}) {
     require(out.length == scene.beams.columns, "out has not as many numbers as the scene has beams");
     require(position.length == 3 && is_three_by_three(rotation), "the LiDAR's pose is not (3,) and (3, 3)");
     require(are_poses(scene.frames.rows - 1, moving_positions.rows, moving_positions.columns, moving_rotations),
             "the poses are not (m, 3) and (m, 3, 3) of the m bodies that move");
     scratch.check_room(scene);
-    scan(scene, scratch, position, rotation, moving_positions, moving_rotations, out, own_tree);
+    scan(scene, scratch, position, rotation, moving_positions, moving_rotations, out, own_tree, optics);
 }
 
 void scan_poses(const CheckedScene& scene, const Scratch& scratch, Matrix positions, Cube<const double> rotations,
-                Row<double> out) {
+                Numbers optics, Row<double> out) {
+    require(optics.length == 2, "optics is not (2,)");
     require(are_poses(scene.frames.rows, positions.rows, positions.columns, rotations),
             "the poses are not those of the LiDAR and of the bodies that move");
     const std::int64_t moving = positions.rows - 1;
     checked_scan(scene, scratch, positions[0], rotations[0], {positions.data + 3, moving, 3},
-                 {rotations.data + 9, moving, 3, 3}, out, -1);
+                 {rotations.data + 9, moving, 3, 3}, out, -1, {optics[0], optics[1]});
 }
 
 void check_poses(const Poses& poses) {
@@ -149,17 +151,24 @@ void bind_scan(nb::module_& module) {
              "sources"_a, "offset_positions"_a, "offset_rotations"_a, "positions"_a, "rotations"_a,
              nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>(), nb::keep_alive<1, 4>(), nb::keep_alive<1, 5>(),
              nb::keep_alive<1, 6>());
-    module.def("scan", &checked_scan, "scene"_a, "scratch"_a, "position"_a, "rotation"_a, "moving_positions"_a,
+    module.def("scan",
+               [](const CheckedScene& scene, const Scratch& scratch, Numbers position, Matrix rotation,
+                  Matrix moving_positions, Cube<const double> moving_rotations, Row<double> out, int own_tree) {
+                   checked_scan(scene, scratch, position, rotation, moving_positions, moving_rotations, out, own_tree);
+               },
+               "scene"_a, "scratch"_a, "position"_a, "rotation"_a, "moving_positions"_a,
                "moving_rotations"_a, "out"_a, "own_tree"_a, WithoutGil());
-    module.def("scan_poses", &scan_poses, "scene"_a, "scratch"_a, "positions"_a, "rotations"_a, "out"_a, WithoutGil());
+    module.def("scan_poses", &scan_poses, "scene"_a, "scratch"_a, "positions"_a, "rotations"_a, "optics"_a,
+               "out"_a, WithoutGil());
     module.def("scan_state",
                [](const CheckedScene& scene, const Scratch& scratch, const Poses& poses, Numbers qpos, Matrix mocap_pos,
-                  Matrix mocap_quat, Matrix xpos, Matrix xmat, Row<double> out) {
+                  Matrix mocap_quat, Matrix xpos, Matrix xmat, Numbers optics, Row<double> out) {
                    checked_read_poses(poses, {qpos, mocap_pos, mocap_quat, xpos, xmat});
                    scan_poses(scene, scratch, {poses.positions.data, poses.positions.rows, 3},
-                              read_only(poses.rotations), out);
+                              read_only(poses.rotations), optics, out);
                },
-               "scene"_a, "scratch"_a, "poses"_a, "qpos"_a, "mocap_pos"_a, "mocap_quat"_a, "xpos"_a, "xmat"_a, "out"_a,
+               "scene"_a, "scratch"_a, "poses"_a, "qpos"_a, "mocap_pos"_a, "mocap_quat"_a, "xpos"_a, "xmat"_a,
+               "optics"_a, "out"_a,
                WithoutGil());
 }
 

@@ -23,7 +23,7 @@ enum {
     PLACES, RUNNING, STATES, SENSORS, CARS, TIMERS, ODOMETRY, TELEMETRY, OFFSET_POSITIONS, OFFSET_ROTATIONS, MOTIONS,
     BEAMS,  // and the other arrays of a Scene
     CUTS = BEAMS + scene_arrays,  // and the other arrays of a Scratch
-    RANGES = CUTS + scratch_arrays, COMMANDS, TIMES, RECORDS, IDS, STATUS, FAILED, MU, SLIP, CRASHED, STATISTICS, REASONS, WARNINGS, LAP_TIMES,
+    RANGES = CUTS + scratch_arrays, OPTICS, COMMANDS, TIMES, RECORDS, IDS, STATUS, FAILED, MU, SLIP, CRASHED, STATISTICS, REASONS, WARNINGS, LAP_TIMES,
     STANDING_SINCE, COURSE_TABLE, TIRES, TIRE_STATES, PATCHES, WHEELS, FLOOR_MU, PAIRS, CAR_PLACES, LINKS, TOUCH_PLACES,
     TOUCHED_AT, SIZES, SPAN, ROW_COUNTS, ROW_STARTS, INERTIA_COLUMNS, GEARS, SCRATCH,
     DISTANCES, CORNER, BODIES, STATE_NUMBERS, ALONE, COPIES, ARRAYS
@@ -255,7 +255,7 @@ void sense(const WorldArrays& worlds, Row<const bool> which) {
         mounted_pose(state.part(first, first + 3), state.part(first + 3, first + 7), own.level != 0,
                      worlds.offset_positions[car], worlds.offset_rotations[car], fg::row(position), table(rotation));
         scan(worlds.scene, worlds.scene_scratch, fg::row(position), table(rotation), moving.positions(),
-             moving.rotations(), worlds.ranges[row], static_cast<int>(own.tree));
+             moving.rotations(), worlds.ranges[row], static_cast<int>(own.tree), worlds.optics[row]);
     }
 }
 
@@ -320,6 +320,7 @@ WorldArrays::WorldArrays(Row<const ArrayPlace> table)
       scene(scene_of(table.part(BEAMS, CUTS))),
       scene_scratch(scratch_of(table.part(CUTS, RANGES))),
       ranges(table[RANGES].table<double>()),
+      optics(records_of<const Optics>(table[OPTICS])),
       commands(table[COMMANDS].table<const double>()),
       times(record<const CourseNumbers>(table[TIMES])),
       records(table[RECORDS].cube<double>()),

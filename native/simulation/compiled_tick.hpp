@@ -9,7 +9,7 @@
 #include "../core/array_table.hpp"
 #include "../course/lap_timer.hpp"
 #include "../lidar/links.hpp"
-#include "../lidar/scene.hpp"
+#include "../lidar/scanline.hpp"
 #include "../vehicle/mujoco_library.hpp"
 #include "../vehicle/tire_solve.hpp"
 #include "clear_ground.hpp"
@@ -74,6 +74,7 @@ struct WorldArrays {
     Scene scene;
     Scratch scene_scratch;
     Table<double> ranges;
+    Row<const Optics> optics;
     Matrix commands;
     const CourseNumbers& times;
     Cube<double> records;

@@ -1,0 +1,244 @@
+"""How the walls of a circuit are built, and the hall that they stand in.
+
+    result = race("oval[walls=duct,height=0.2,room=5]")
+    course = replace(load_track("oval"), built=Walls(kind="duct", height=0.2, room=5.0))
+
+RoboRacer circuits are laid out with flexible ducts of 20 to 33 cm, in halls. A duct is nearest half way up. Between two
+of them there may be a gap. Over one that is low a beam passes when the car pitches or rolls, and then meets the wall of
+the hall, which a planner must not take for free way.
+
+The inner faces stay where the circuit has them: of a duct that is where it is nearest to the road.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arguments import explain_class
+from ..errors import SettingsError, TrackError, accepted_names
+from ..messages import FloatArray, require, require_whole
+from .obstacles import Box, Obstacle, Pipe, Prism
+from .polyline import distance_to_segment, is_inside, segments, step_lengths
+from .track_mesh import (
+    WALL_HEIGHT,
+    WALL_THICKNESS,
+    Surface,
+    open_ends,
+    prism_surface,
+    prisms_on,
+    wall_feet,
+    wall_footprints,
+)  # fmt: skip
+
+KINDS = ("upright", "duct")
+
+_LEAST, _GREATEST = 0.01, 5.0  # [m] of a wall's height and thickness
+_FURTHEST = 100.0  # [m] of the hall from the walls
+_SHORTEST, _LONGEST = 0.1, 1000.0  # [m] of a piece of wall
+_HALL_THICKNESS = 0.2  # [m] of its walls
+_SNAP = 0.02  # [m] a gap ends at a corner that is as near
+_CLUTTER_SIDES, _CLUTTER_HEIGHTS = (0.2, 1.0), (0.3, 1.8)  # [m] boxes, tables, people
+_CLUTTER_CLEAR = 0.1  # [m] between what stands in the hall and any wall
+_TRIES = 200  # places for each
+
+
+@explain_class
+@dataclass(frozen=True, kw_only=True)
+class Walls:
+    """How walls are built.
+
+    Raises:
+      SettingsError: a value out of its range, or one that such walls do not have.
+    """
+
+    kind: str = "upright"  # of KINDS; a duct lies on the floor, and is round
+    height: float = WALL_HEIGHT  # [m]; of a duct its diameter
+    thickness: float | None = None  # [m] of upright walls; None: 5 cm
+    gap: float = 0.0  # [m] between two pieces of wall; 0: there are none
+    piece: float = 5.0  # [m] mean length of the pieces between gaps
+    porosity: float = 0.0  # share of the beams that pass through
+    room: float = 0.0  # [m] from the outermost walls to those of the hall; 0: there is no hall
+    room_height: float = 3.0  # [m] of the hall's walls
+    clutter: int = 0  # how many things stand in the hall
+    seed: int = 0  # of where the gaps are, and what stands in the hall
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise SettingsError(f"Walls.kind is {self.kind!r}; {accepted_names(self.kind, KINDS)}")
+        sizes = ("height",) if self.thickness is None else ("height", "thickness")
+        for names, least, most in (
+            (sizes, _LEAST, _GREATEST), (("gap", "room"), 0.0, _FURTHEST), (("piece",), _SHORTEST, _LONGEST),
+            (("porosity",), 0.0, 1.0), (("room_height",), _LEAST, _FURTHEST),
+        ):  # fmt: skip
+            unit = "" if names == ("porosity",) else " m"
+            accepted = f"{least:g} to {most:g}{unit}"
+            require(self, lambda value: least <= value <= most, accepted, names, SettingsError)  # noqa: B023
+        require_whole("Walls.clutter", self.clutter, 0)
+        require_whole("Walls.seed", self.seed, 0)
+        if self.thickness is not None and self.kind == "duct":
+            raise SettingsError(f"Walls.thickness is {self.thickness!r} of ducts; accepted: None, they are round")
+        if self.clutter and not self.room:
+            raise SettingsError(f"Walls.clutter is {self.clutter} without a hall; accepted: with room, as 5 m")
+
+    @property
+    def depth(self) -> float:
+        """Thickness where they are thickest [m]."""
+        return self.height if self.kind == "duct" else self.thickness or WALL_THICKNESS
+
+    @property
+    def numbers(self) -> FloatArray:
+        """All that they are, for the definition of a course; `of` reads it back."""
+        values = [KINDS.index(self.kind), self.height, self.depth, *(getattr(self, name) for name in _NUMBERS)]
+        return np.array(values, np.float64)
+
+    @classmethod
+    def of(cls, numbers: FloatArray) -> Walls:
+        """Return the walls of such numbers; raise SettingsError, ValueError or IndexError for others."""
+        kind, height, depth, *others = np.asarray(numbers).tolist()
+        own: dict[str, Any] = dict(zip(_NUMBERS, others, strict=True))
+        own |= {name: int(own[name]) for name in ("clutter", "seed")}
+        duct = KINDS[int(kind)] == "duct"
+        return cls(kind=KINDS[int(kind)], height=height, thickness=None if duct else depth, **own)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Walls) and np.array_equal(self.numbers, other.numbers)
+
+    def __hash__(self) -> int:
+        return hash(self.numbers.tobytes())
+
+
+PLAIN = Walls()
+"""The walls of a course of which nothing else is told."""
+
+_NUMBERS = tuple(f.name for f in fields(Walls) if f.name not in ("kind", "height", "thickness"))
+
+SETTINGS = {"walls": "kind"} | {f.name: f.name for f in fields(Walls) if f.name not in ("kind", "seed")} | {
+    "wall_seed": "seed"
+}  # fmt: skip
+"""Settings in the brackets of a course's name -> the fields of Walls."""
+
+
+def read_walls(name: str, texts: dict[str, str]) -> Walls:
+    """Return the walls of settings by name, of a course's name; TrackError: one that cannot be."""
+    own: dict[str, Any] = {}
+    for key, text in texts.items():
+        field = SETTINGS[key]
+        try:
+            own[field] = text if field == "kind" else int(text) if field in ("clutter", "seed") else float(text)
+        except ValueError:
+            raise TrackError(f"{name!r}: {key} is {text!r}; accepted: a number") from None
+    try:
+        return Walls(**own)
+    except SettingsError as error:
+        raise TrackError(f"{name!r}: {error}") from error
+
+
+def wall_solids(edges: Sequence[FloatArray], built: Walls) -> tuple[Obstacle, ...]:
+    """Return the solids of the walls along `edges`, as Course.edges, one for each segment that is no gap."""
+    feet = _feet(edges, built)
+    kind: type[Prism] = Pipe if built.kind == "duct" else Prism
+    return tuple(kind(footprint=tuple((x, y) for x, y in own), height=built.height) for own in feet.tolist())
+
+
+def surface_of_walls(edges: Sequence[FloatArray], built: Walls) -> Surface:
+    """Return the mesh of the same walls: what can be seen of them, normals outward."""
+    feet = _feet(edges, built)
+    return _duct_surface(feet, built.height) if built.kind == "duct" else prism_surface(prisms_on(feet, built.height))
+
+
+def hall_solids(edges: Sequence[FloatArray], built: Walls) -> tuple[Obstacle, ...]:
+    """Return the walls of the hall round the walls along `edges`, and what stands in it; none without a hall.
+
+    Raises:
+      TrackError: the hall has no room for so much.
+    """
+    if not built.room:
+        return ()
+    points = np.concatenate(edges)
+    low = points.min(axis=0) - built.depth - built.room
+    high = points.max(axis=0) + built.depth + built.room
+    clockwise = np.array([low, (low[0], high[1]), high, (high[0], low[1])])  # so that their solid is outside
+    feet = wall_footprints(clockwise, _HALL_THICKNESS).tolist()
+    sides = (Prism(footprint=tuple((x, y) for x, y in own), height=built.room_height) for own in feet)
+    return (*sides, *_clutter(edges, built, low, high))
+
+
+def _clutter(edges: Sequence[FloatArray], built: Walls, low: FloatArray, high: FloatArray) -> list[Box]:
+    """Return boxes in a hall between two corners, clear of the walls, of each other's middle, and of the road."""
+    rng, sides = np.random.default_rng((built.seed, 1)), np.concatenate([segments(edge) for edge in edges])
+    found: list[Box] = []
+    for number in range(built.clutter):
+        for _ in range(_TRIES):
+            length, width = rng.uniform(*_CLUTTER_SIDES, 2).tolist()
+            height, heading = float(rng.uniform(*_CLUTTER_HEIGHTS)), float(rng.uniform(-math.pi, math.pi))
+            reach = 0.5 * math.hypot(length, width) + _CLUTTER_CLEAR
+            if (high - low <= 2.0 * reach).any():
+                continue
+            place = rng.uniform(low + reach, high - reach)
+            away = distance_to_segment(np.broadcast_to(place, (len(sides), 2)), sides[:, 0], sides[:, 1])
+            others = [math.hypot(place[0] - box.x, place[1] - box.y) for box in found]
+            if away.min() > reach + built.depth and not is_inside(place[None], edges)[0] and min(others, default=9) > 1:
+                found.append(Box(x=float(place[0]), y=float(place[1]), length=length, width=width, height=height,
+                                 heading=heading))  # fmt: skip
+                break
+        else:
+            said = f"the hall has room for {number} of {built.clutter} things (clutter)"
+            raise TrackError(f"{said}; accepted: as many, or a larger room than {built.room:g} m")
+    return found
+
+
+def _feet(edges: Sequence[FloatArray], built: Walls) -> FloatArray:
+    """Return the footprints of walls without those of gaps. Shape (m, 4, 2) [m]."""
+    if not built.gap:
+        return wall_feet(edges, built.depth)
+    rng = np.random.default_rng((built.seed, 0))
+    cut = [_with_gaps(edge, built, rng) for edge in edges]
+    return np.asarray(wall_feet([edge for edge, _ in cut], built.depth)[np.concatenate([stands for _, stands in cut])])
+
+
+def _with_gaps(edge: FloatArray, built: Walls, rng: np.random.Generator) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return a closed line (n, 2) [m] with points where gaps begin and end, and which of its segments are wall."""
+    ends = np.cumsum(step_lengths(edge))
+    starts, length = ends - step_lengths(edge), float(ends[-1])
+    cuts, place = [], float(rng.uniform(0.0, built.piece))
+    while place + built.gap < length:
+        cuts.append((place, place + built.gap))
+        place += built.gap + built.piece * float(rng.uniform(0.5, 1.5))
+    at = np.unique(np.concatenate((starts, *cuts))) if cuts else starts
+    corner = np.isin(at, starts)
+    near = np.abs(at[:, None] - np.append(starts, length)).min(axis=1) < _SNAP
+    at = at[corner | ~near]
+    segment = np.searchsorted(starts, at, side="right") - 1
+    share = (at - starts[segment]) / (ends - starts)[segment]
+    points = edge[segment] + share[:, None] * (np.roll(edge, -1, axis=0) - edge)[segment]
+    middle = 0.5 * (at + np.append(at[1:], length))
+    missing = np.zeros(len(at), np.bool_)
+    for first, last in cuts:
+        missing |= (first < middle) & (middle < last)
+    return points, ~missing
+
+
+def _duct_surface(feet: FloatArray, diameter: float) -> Surface:
+    """Return the mesh of ducts of a diameter [m] on footprints (m, 4, 2) [m]."""
+    across, above = Pipe.section()
+    sides = len(across)
+    rings = np.empty((len(feet), 2, sides, 3))  # at the start of each piece, and at its end
+    for ring, inner, back in ((0, 0, 3), (1, 1, 2)):
+        rings[:, ring, :, :2] = feet[:, None, inner] + across[:, None] * (feet[:, None, back] - feet[:, None, inner])
+        rings[:, ring, :, 2] = diameter * above
+    here = np.arange(sides)
+    there = (here + 1) % sides
+    around = np.concatenate((
+        np.stack((here, sides + here, sides + there), axis=1), np.stack((here, sides + there, there), axis=1)
+    ))  # fmt: skip
+    fan = np.stack((np.zeros(sides - 2, int), here[1:-1], here[2:]), axis=1)
+    first = 2 * sides * np.arange(len(feet))[:, None, None]
+    at_end, at_start = open_ends(feet)
+    faces = (first + around, first[at_start] + fan, first[at_end] + sides + fan[:, ::-1])
+    return rings.reshape(-1, 3), np.concatenate([face.reshape(-1, 3) for face in faces])

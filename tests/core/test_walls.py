@@ -1,0 +1,195 @@
+"""Walls as they stand in halls: ducts, gaps, the hall behind them, and what beams make of all that."""
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+import fg_mujoco as fg
+from cases import each
+from fg_mujoco.course.definitions import course_of
+from fg_mujoco.course.polyline import is_inside, step_lengths
+from fg_mujoco.course.track import Track
+from fg_mujoco.course.walls import Walls
+from fg_mujoco.errors import TrackError
+from fg_mujoco.racing.run_folder import write_run
+from fg_mujoco.simulation.cars import WorldCar
+from fg_mujoco.simulation.world import World
+
+HALL = "[walls=duct,height=0.2,room=5]"
+
+
+@pytest.fixture(scope="module")
+def straight():
+    """A long circuit of two straight lines, 2 m wide."""
+    line = fg.load_track("oval").centreline
+    return Track(name="straight", centreline=line * (4.0, 1.0), width_right=np.ones(len(line)),
+                 width_left=np.ones(len(line)))  # fmt: skip
+
+
+def pitched(world, angle):
+    """The data of a world whose car is pitched nose down by an angle [rad] on its start."""
+    data = mujoco.MjData(world.model)
+    x, y, heading = world.track.start_pose()
+    turn, pitch, both = np.zeros(4), np.zeros(4), np.zeros(4)
+    mujoco.mju_axisAngle2Quat(turn, np.array([0.0, 0.0, 1.0]), heading)
+    mujoco.mju_axisAngle2Quat(pitch, np.array([0.0, 1.0, 0.0]), angle)
+    mujoco.mju_mulQuat(both, turn, pitch)
+    data.joint("car/base_link").qpos[:] = (x, y, world.model.qpos0[2], *both)
+    mujoco.mj_kinematics(world.model, data)
+    return data
+
+
+def test_a_duct_is_a_closed_pipe_of_its_section_along_the_middle_of_its_footprints():
+    course = fg.load_track("oval[walls=duct,height=0.2]")
+    mesh = trimesh.Trimesh(*course.wall_surface())
+    mesh.merge_vertices()
+    assert mesh.is_watertight and mesh.is_winding_consistent
+    feet = np.array([wall.footprint for wall in course.walls])
+    along = np.linalg.norm(0.5 * (feet[:, 1] + feet[:, 2] - feet[:, 0] - feet[:, 3]), axis=1)
+    assert mesh.volume == pytest.approx(3.0 * 0.1**2 * along.sum(), rel=1e-3)  # 12 triangles of r^2 sin(30 deg) / 2
+    assert mesh.bounds[:, 2] == pytest.approx((0.0, 0.2))
+    inner = np.concatenate((course.left_wall, course.right_wall))
+    near = np.abs(mesh.vertices[:, 2] - 0.1) < 1e-9
+    distances = np.linalg.norm(mesh.vertices[near, None, :2] - inner, axis=2)
+    assert distances.min(axis=0).max() < 1e-9  # it is nearest to the road half way up, at the inner faces
+
+
+@each("kind", ["duct", "upright"])
+def test_gaps_are_as_wide_as_told_and_beams_pass_through_them(kind):
+    course = replace(fg.load_track("oval"), built=Walls(kind=kind, gap=0.5, piece=3.0, seed=3))
+    whole = sum(step_lengths(edge).sum() for edge in course.edges)
+    feet = np.array([wall.footprint for wall in course.walls])
+    stands = np.linalg.norm(feet[:, 1] - feet[:, 0], axis=1).sum()
+    count = len(trimesh.Trimesh(*course.wall_surface()).split(only_watertight=False))
+    assert whole - stands == pytest.approx(0.5 * count, abs=0.02 * 2 * count)  # an end may move to a corner 2 cm away
+    assert 0.75 < count / (whole / 3.5) < 1.35
+    world = World(course)
+    assert np.isinf(world.lidar.ranges(pitched(world, 0.0))).any()
+    hall = World(replace(course, built=replace(course.built, room=2.0)))
+    assert np.isfinite(hall.lidar.ranges(pitched(hall, 0.0))).all()
+
+
+def test_what_stands_in_the_hall_is_off_the_road_and_within_the_hall():
+    course = fg.load_track("hairpins[walls=duct,room=4,clutter=40,wall_seed=5]")
+    sides, clutter = course.hall[:4], course.hall[4:]
+    assert len(clutter) == 40
+    low, high = np.concatenate(course.edges).min(axis=0) - 4.3, np.concatenate(course.edges).max(axis=0) + 4.3
+    inner = np.concatenate([side.corners() for side in sides])
+    assert (inner.min(axis=0) < low + 1e-9).all() and (inner.max(axis=0) > high - 1e-9).all()
+    for box in clutter:
+        corners = box.corners()
+        assert not is_inside(corners, course.edges).any()
+        assert (corners > low).all() and (corners < high).all()
+
+
+@each("angle", [0.0, 0.03, 0.08, 0.15])
+def test_over_a_duct_beams_meet_the_floor_the_duct_or_the_hall_as_trigonometry_says(straight, angle):
+    """A car between two straight ducts of 20 cm, 2 m apart, in a hall; pitched as it is when it brakes."""
+    world = World(replace(straight, built=Walls(kind="duct", height=0.2, room=5.0)))
+    data, beams = pitched(world, angle), world.lidar.beams
+    height = data.xpos[world.lidar.body][2]
+    ranges = world.lidar.ranges(data)
+    aside = (np.abs(np.sin(beams.bearings)) > 0.3) & np.isfinite(ranges)  # others look along the ducts
+    down = math.sin(angle) * np.cos(beams.bearings)  # of a beam, a metre
+    off = np.sqrt(1.0 - down**2)
+    lateral = data.xpos[world.lidar.body][1] - straight.centreline[0, 1]
+    beside = np.where(beams.bearings > 0.0, 1.0 - lateral, 1.0 + lateral)
+    to_duct = beside / np.abs(np.sin(beams.bearings))  # to its nearest line
+    rise, slope = height - to_duct * down, -down / np.abs(np.sin(beams.bearings))
+    past = (height + slope * (beside + 0.1) - 0.1) / np.sqrt(1.0 + slope**2)  # of the duct's middle, upwards
+    floor, over = rise < 0.0, past > 0.1
+    z = height - np.where(aside, ranges, 0.0) * down
+    met_floor, met_hall = np.abs(z) < 1e-9, ranges * off > 2.0 * to_duct
+    # not where a duct curves down to the floor, nor where its sides are within their circle
+    clear = aside & ((rise < -0.03) | (rise > 0.01)) & ((past < 0.09) | (past > 0.105))
+    assert clear.sum() > 0.8 * aside.sum()
+    assert (met_floor == floor)[clear].all()
+    assert (met_hall == over)[clear].all()
+    assert (met_floor[clear].any(), met_hall[clear].any()) == (angle >= 0.08, angle >= 0.15)
+
+
+@each("share", [0.0, 0.2, 0.7, 1.0])
+def test_a_porous_wall_lets_its_share_of_the_beams_through(share):
+    plain, porous = World("oval"), World(f"oval[porosity={share},room=3]")
+    data = pitched(plain, 0.0)
+    through = porous.lidar.ranges(pitched(porous, 0.0)) > plain.lidar.ranges(data) + 0.2
+    assert through.mean() == pytest.approx(share, abs=4.0 * math.sqrt(share * (1.0 - share) / 1081) + 1e-12)
+
+
+def test_holes_stay_where_they_are_and_a_race_among_them_has_its_bits():
+    world = World("oval[porosity=0.5,room=3]")
+    assert np.array_equal(world.lidar.ranges(pitched(world, 0.0)), world.make_lidar().ranges(pitched(world, 0.0)))
+    first, again = (fg.race("oval[porosity=0.3,room=3]", laps=1) for _ in range(2))
+    assert first.trajectory_sha256 == again.trajectory_sha256 and first.car.finished
+
+
+def test_beams_that_meet_the_floor_at_a_glancing_angle_do_not_come_back(straight):
+    world = World(replace(straight, built=Walls(room=5.0)))
+    data, beams = pitched(world, 0.06), world.lidar.beams
+    plain = world.lidar.ranges(data)
+    height = data.xpos[world.lidar.body][2]
+    down = math.sin(0.06) * np.cos(beams.bearings)
+    floor = np.abs(height - plain * down) < 1e-9
+    world.lidar.optics[:] = 0.0, math.sin(0.055)
+    lost = np.isinf(world.lidar.ranges(data))
+    assert lost.any() and (floor & ~lost).any()
+    assert np.array_equal(lost, floor & (down < math.sin(0.055)))
+
+
+def test_of_a_car_that_beams_pass_through_the_box_is_seen_that_the_rules_ask_for():
+    world, alone = World("oval", others=[WorldCar(vehicle=fg.Vehicle.load("f1tenth"))]), World("oval")
+    other = world.track.start_pose(2.0)
+
+    def nearer(angle, share):  # the beams that the other car, 2 m ahead, ends
+        data = pitched(world, angle)
+        data.joint("car_1/base_link").qpos[:3] = (*other[:2], world.model.qpos0[2])
+        data.joint("car_1/base_link").qpos[3:] = (math.cos(other[2] / 2), 0.0, 0.0, math.sin(other[2] / 2))
+        mujoco.mj_kinematics(world.model, data)
+        world.lidar.optics[0] = share
+        ranges = world.lidar.ranges(data)
+        return ranges, ranges < alone.lidar.ranges(pitched(alone, angle)) - 0.1
+
+    for share in (0.0, 1.0):  # level, the LiDAR looks over the chassis
+        ranges, box = nearer(0.0, share)
+        assert box.sum() == pytest.approx(2.0 * math.atan(0.06 / ranges[box].min()) / math.radians(0.25), abs=1.5)
+    solid, half, open_ = (nearer(0.025, share)[1].sum() for share in (0.0, 0.5, 1.0))  # below the box
+    assert solid > half > open_ == 0
+
+
+def test_a_race_sees_through_cars_as_it_is_told_whether_alone_or_in_a_rollout():
+    settings = {"opponents": ["gap_finder"], "laps": 1, "start_s": 0.0, "time_limit": 3.0}
+    hashes = {share: fg.race("oval", through_cars=share, **settings).trajectory_sha256 for share in (0.0, 0.5, 0.9)}
+    assert len(set(hashes.values())) == 3
+    assert fg.race("oval", through_cars=0.5, **settings).trajectory_sha256 == hashes[0.5]
+
+
+@each("name", ["oval" + HALL, "oval[gap=0.3,piece=2]", "random:7[walls=duct,height=0.33,gap=0.1,room=3,clutter=5]"])
+def test_a_course_with_such_walls_is_made_again_of_its_numbers_and_a_run_of_it_is_replayed(name, tmp_path):
+    course = fg.load_track(name)
+    again = course_of(course.name, course.definition)
+    assert course.name == name and again.built == course.built
+    assert [wall.corners().tolist() for wall in again.walls] == [wall.corners().tolist() for wall in course.walls]
+    result = fg.race(name, laps=1)
+    assert result.car.finished
+    write_run(result, tmp_path / "run")
+    assert fg.replay(tmp_path / "run").identical
+
+
+@each("text", [
+    "oval[walls=round]", "oval[height=0]", "oval[height=high]", "oval[walls=duct,thickness=0.1]", "oval[clutter=3]",
+    "oval[height=0.2,height=0.3]", "oval[porosity=2]", "oval[gap=-1]", "scene:narrow_gap_150:1[height=0.2]",
+    "oval[room=0.3,clutter=400]", "oval[piece=nan,gap=0.1]", "oval[height=0.2,scale=2]",
+])  # fmt: skip
+def test_settings_of_walls_that_cannot_be_are_refused_in_a_line(text):
+    with pytest.raises(TrackError, match="accepted") as refused:
+        _ = fg.load_track(text).hall
+    assert "\n" not in str(refused.value)
+
+
+def test_walls_below_the_lidar_with_nothing_behind_are_remarked():
+    with pytest.warns(UserWarning, match=r"0\.1 m.*below the LiDAR"):
+        World("oval[height=0.1]")
