@@ -769,6 +769,9 @@ def steps_on_tires(
 ) -> None:
     """Do a physics step for each row of `records` and `states`; write sensordata and userdata there."""
 
+def surface_at(model: int, x: float, y: float) -> tuple[float, float, float, float]:
+    """Return the height of the ground of a model, by its address, at a place [m], and its normal of length 1."""
+
 def step_on_contacts(model: int, data: int, gears: _Records) -> None:
     """Do a physics step of a model whose cars all stand on MuJoCo's contacts."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import TrackError
 from ..messages import FloatArray
 from .course import ISLAND, Course
+from .ground import Relief
 from .moving_obstacles import MovingObstacle
 from .obstacles import solids_of
 from .track import MapTrack, Track
@@ -42,13 +43,13 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     moving = tuple(map(MovingObstacle.of, definition.get("moving", ())))
     built = Walls.of(definition["built"]) if "built" in definition else PLAIN
     if "rules" not in names:
-        names = tuple(key for key in names if key not in ("moving", "built"))
+        names = tuple(key for key in names if key not in ("moving", "built", "relief", "heights"))
     lines: dict[str, FloatArray] = {key: definition[key] for key in names}
     if names == _TRACK:
-        return Track(name=name, moving=moving, built=built, **lines)
+        return Track(name=name, moving=moving, built=built, relief=Relief.of(definition), **lines)
     if names == _TRACK + _WALLS:
         outlines = tuple(definition[key] for key in islands)
-        return MapTrack(name=name, moving=moving, built=built, outlines=outlines, **lines)
+        return MapTrack(name=name, moving=moving, built=built, relief=Relief.of(definition), outlines=outlines, **lines)
     if names == _SCENE:
         start, goal, time_limit, goal_is_to_stop = definition["rules"].tolist()
         return Scene(

@@ -21,9 +21,10 @@ from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
 from .kept_courses import kept_course
 from .track import Track
 
-_OF_WALLS = re.compile(
-    r"\[((?:[^\[\]]*,)?(?:walls|height|thickness|gap|piece|porosity|room|room_height|clutter|wall_seed)=[^\[\]]*)\]$"
-)  # the settings of a name, some of which are of walls.SETTINGS
+_OF_CIRCUITS = re.compile(
+    r"\[((?:[^\[\]]*,)?(?:walls|height|thickness|gap|piece|porosity|room|room_height|clutter|wall_seed|bank|ramp|crest|"
+    r"roughness|ground_seed|heights|cell|corner)=[^\[\]]*)\]$"
+)  # the settings of a name, some of which are of walls.SETTINGS or ground.SETTINGS
 
 TIGHT = "tight"
 """Kind of the random circuits that are built as races are: `random:SEED:tight`."""
@@ -58,7 +59,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
       name_or_path: a bundled name, `random:SEED`, `random:SEED:tight`, `scene:NAME`, `scene:NAME:SEED`, or a path to a
         centreline `.csv` or to a map's `.yaml`, or a text of a format that an installed package registers; with
         settings in brackets where wanted: of a file (centreline_csv.load_centreline, map_track.load_map), and of the
-        walls of any circuit (walls.SETTINGS).
+        walls and the ground of any circuit (walls.SETTINGS, ground.SETTINGS).
       car: that a scene is made for: its gaps are measured in widths of the car.
 
     Raises:
@@ -67,19 +68,25 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     name = str(name_or_path)
     if len(name) > LONGEST_NAME:
         raise TrackError(f"track {name[:60]!r}... has {len(name)} characters; accepted: {LONGEST_NAME} at most")
-    if (match := _OF_WALLS.search(name)) is None:
+    if (match := _OF_CIRCUITS.search(name)) is None:
         return _load(name, car)
-    from .walls import SETTINGS, read_walls
+    from .ground import SETTINGS as OF_GROUND
+    from .ground import read_relief
+    from .walls import SETTINGS as OF_WALLS
+    from .walls import read_walls
 
     texts = [text.partition("=") for text in match[1].split(",")]
-    own = {key: value for key, _, value in texts if key in SETTINGS}
-    if len(own) < sum(key in SETTINGS for key, _, _ in texts):
+    own = {key: value for key, _, value in texts if key in OF_WALLS or key in OF_GROUND}
+    rest = [text for text in texts if text[0] not in own]
+    if len(own) + len(rest) < len(texts):
         raise TrackError(f"{name!r} has a setting twice; accepted: each once")
-    rest = ",".join("".join(text) for text in texts if text[0] not in SETTINGS)
-    course = _load(name[: match.start()] + (f"[{rest}]" if rest else ""), car)
+    of_file = ",".join("".join(text) for text in rest)
+    course = _load(name[: match.start()] + (f"[{of_file}]" if rest else ""), car)
     if not isinstance(course, Track):
-        raise TrackError(f"{name!r} has settings of walls ({', '.join(own)}); accepted: those of a circuit")
-    return replace(course, name=name, built=read_walls(name, own))
+        raise TrackError(f"{name!r} has settings of walls or ground ({', '.join(own)}); accepted: those of a circuit")
+    built = read_walls(name, {key: value for key, value in own.items() if key in OF_WALLS})
+    relief = read_relief(name, {key: value for key, value in own.items() if key in OF_GROUND})
+    return replace(course, name=name, built=built, relief=relief)
 
 
 def _load(name: str, car: CarParameters) -> Course:

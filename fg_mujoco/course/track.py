@@ -23,6 +23,7 @@ from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import CLEAR_AHEAD, CLEAR_BEHIND, ISLAND, Sites, default_time_limit
+from .ground import LEVEL, Ground, Relief, make_ground
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle
 from .polyline import MOST_POINTS, cross, segments, self_crossings, step_lengths, steps, subdivide, turns
@@ -42,6 +43,7 @@ MOST_OF_A_SQUARE = 20.0  # [m] of a line in a square metre: neighbouring lanes h
 FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
 WIDEST = 1e3  # [m] to either wall
 
+_WALL_PIECES = 0.5  # [m] of walls on ground that is not level
 _CHUNK = 256  # points projected at once against the whole line, to bound the memory
 
 
@@ -63,6 +65,7 @@ class Track(Shown):
     width_left: FloatArray  # (n,) [m] to the left wall
     moving: tuple[MovingObstacle, ...] = ()  # that move there, as `with_moving` of the add-on arena puts them
     built: Walls = PLAIN  # how its walls are built
+    relief: Relief = LEVEL  # what its ground has
 
     def __post_init__(self) -> None:
         line = read_only(self.centreline)
@@ -186,12 +189,13 @@ class Track(Shown):
         """All that makes it what it is: line and widths, and what moves there."""
         moving = {"moving": np.array([each.numbers() for each in self.moving], np.float64)} if self.moving else {}
         built = {} if self.built == PLAIN else {"built": self.built.numbers}
-        return {name: getattr(self, name) for name in ("centreline", "width_right", "width_left")} | moving | built
+        lines = {name: getattr(self, name) for name in ("centreline", "width_right", "width_left")}
+        return lines | moving | built | self.relief.definition
 
     @cached_property
     def walls(self) -> tuple[Obstacle, ...]:
         """The convex solids that the walls are made of: one for each segment of their inner faces."""
-        return wall_solids(self.edges, self.built)
+        return wall_solids(self._standing_edges, self.built)
 
     @cached_property
     def hall(self) -> tuple[Obstacle, ...]:
@@ -200,7 +204,19 @@ class Track(Shown):
 
     def wall_surface(self) -> Surface | None:
         """Return one mesh of all walls, which is seen in place of the solids."""
-        return surface_of_walls(self.edges, self.built)
+        return surface_of_walls(self._standing_edges, self.built)
+
+    @cached_property
+    def ground(self) -> Ground | None:
+        """The surface that it lies on; None: level ground."""
+        return make_ground(self)
+
+    @property
+    def _standing_edges(self) -> tuple[FloatArray, ...]:
+        """The edges, in pieces short enough to follow the ground."""
+        if self.ground is None or self.ground.flat:
+            return self.edges
+        return tuple(subdivide(edge, _WALL_PIECES)[0] for edge in self.edges)
 
     @property
     def edges(self) -> tuple[FloatArray, ...]:

@@ -104,8 +104,8 @@ def race(
         Floor: mu; floor, one that was measured; planner_mu, which the planner assumes, "off": no friction limits;
         patches with another mu.
         Sensors: effects, or lidar_effects by name or file, lidar_noise [m], lidar_dropout as a probability,
-        lidar_latency [s], motion_distortion; lidar, the back end; odometry_drift, relative; sensors; knows; odometry;
-        pose.
+        lidar_latency [s], motion_distortion, floor_angle [rad], through_cars; lidar, the back end; odometry_drift,
+        relative; sensors; knows; odometry; pose.
         Other cars: opponents, or entries of all cars; grid; rules.
 
     Raises:

@@ -60,6 +60,8 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
     "opponent": (None, ""),  # who drives each
     "opponent_speed": (Scenario, "max_speed"),  # the fastest that each commands
     "opponent_ahead": (None, ""),  # [m] how far ahead of their places on the grid they start
+    "floor_angle": (LidarEffects, "floor_angle"),
+    "through_cars": (LidarEffects, "through_cars"),
 }
 """Name -> whose field it is, in the order in which their shares are drawn: a new one goes to the end."""
 

@@ -24,6 +24,7 @@ from ..arguments import Suggesting, explain_class
 from ..controllers.control.speed import lifting_share
 from ..course.course import Course
 from ..course.definitions import course_sha256
+from ..course.ground import Ground
 from ..course.kept_courses import sources_of_courses
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
@@ -57,6 +58,7 @@ from .cars import (
 )
 from .clear_ground import distances_of
 from .course_loading import load_track
+from .terrain import add_terrain, stand_on_terrain
 
 _WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
 _BELOW_GROUND = 0.5  # [m] that solids reach down: MuJoCo pushes a car out by the shortest way, which is never down
@@ -305,6 +307,15 @@ def _compose(
     if not any(equality.type == mujoco.mjtEq.mjEQ_TENDON for car in cars for equality in car.equalities):
         # static geoms are placed once, not every step; MuJoCo lets nothing sleep beside an equality of tendons
         spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    ground = getattr(track, "ground", None)
+    if ground is not None:
+        if any(car.numeric(NUMERIC.format("front")) is None for car in cars):
+            said = "tires of the model 'contact', which MuJoCo's height fields shake, on ground that is not level"
+            raise SettingsError(f"{said}; accepted: any other set, or a level course")
+        if track.moving:
+            said = f"things that move on {track.name!r}, whose ground is not level"
+            raise SettingsError(f"{said}; accepted: none, or a level course")
+        add_terrain(spec, ground)
     _add_light(spec, track)
     _add_course(spec, track, obstacles, walls=walls)
     for index, (car, vehicle) in enumerate(zip(cars, vehicles, strict=True)):
@@ -324,6 +335,8 @@ def _compose(
         stand_on_ground(car, *(LIDAR_IN_CAR + name for name in solids))
         spec.attach(car, frame=spec.worldbody.add_frame(), prefix=car_prefix(index))
     add_touch_sensors(spec, len(cars))
+    if ground is not None and not ground.flat:
+        stand_on_terrain(spec)
     return spec
 
 
@@ -356,12 +369,13 @@ def _shapes(xml: str) -> dict[tuple[str, str], str]:
 
 def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...], *, walls: bool = True) -> None:
     """Add the walls of a course, what moves there, and obstacles."""
+    ground = getattr(track, "ground", None)
     if walls:
         _add_walls(spec, track)
     for index, moving in enumerate(track.moving):
         _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
     for index, obstacle in enumerate(obstacles):
-        _add_hull(spec, f"{OBSTACLE_PREFIX}{index}", _prism(obstacle), _OBSTACLE_COLOUR)
+        _add_hull(spec, f"{OBSTACLE_PREFIX}{index}", _prism(obstacle, ground), _OBSTACLE_COLOUR)
 
 
 def _add_light(spec: Any, track: Course) -> None:
@@ -380,9 +394,10 @@ def _add_light(spec: Any, track: Course) -> None:
 
 def _add_walls(spec: Any, track: Course) -> None:
     """Add the walls as solids that are hit; where the course has a surface of them, it is seen in their place."""
-    surface = track.wall_surface()
+    surface, ground = track.wall_surface(), getattr(track, "ground", None)
     if surface is not None:
         vertices, faces = surface
+        vertices = vertices if ground is None else ground.lifted(vertices)
         built = getattr(track, "built", None)
         name, colour = ("walls", _WALL_COLOUR) if built is None or built.kind != "duct" else ("ducts", _DUCT_COLOUR)
         spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel())
@@ -393,16 +408,18 @@ def _add_walls(spec: Any, track: Course) -> None:
             let_through(spec, geom, math.sqrt(built.porosity))  # a beam meets its front and its back
     hidden = 0 if surface is None else len(track.walls)
     for index, wall in enumerate((*track.walls, *getattr(track, "hall", ()))):
-        _add_hull(spec, f"wall_{index}", _prism(wall), _INVISIBLE if index < hidden else _WALL_COLOUR)
+        _add_hull(spec, f"wall_{index}", _prism(wall, ground), _INVISIBLE if index < hidden else _WALL_COLOUR)
 
 
-def _prism(solid: Obstacle) -> FloatArray:
-    """Return the corners of a solid, _BELOW_GROUND and above it, or of a pipe. Shape (n, 3) [m]."""
+def _prism(solid: Obstacle, ground: Ground | None = None) -> FloatArray:
+    """Return the corners of a solid, _BELOW_GROUND and above it, or of a pipe, on a ground. Shape (n, 3) [m]."""
     if isinstance(solid, Pipe):
-        return solid.vertices()
-    footprint = solid.corners()
-    heights = np.repeat((-_BELOW_GROUND, solid.height), len(footprint))
-    return np.column_stack((np.tile(footprint, (2, 1)), heights))
+        vertices = solid.vertices()
+    else:
+        footprint = solid.corners()
+        heights = np.repeat((-_BELOW_GROUND, solid.height), len(footprint))
+        vertices = np.column_stack((np.tile(footprint, (2, 1)), heights))
+    return vertices if ground is None else ground.lifted(vertices)
 
 
 def _add_moving(spec: Any, name: str, obstacle: MovingObstacle) -> None:

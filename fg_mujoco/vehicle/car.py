@@ -6,6 +6,7 @@ The MJCF is the source of every constant. Names are resolved once, when a `Car` 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -15,6 +16,7 @@ from ..arguments import explain_class
 from ..display import brief
 from ..errors import ModelError
 from ..messages import ODOMETRY, CarParameters, DriveCommand, Odometry
+from ..native import core
 from . import motion as car_motion
 from .drive_line import DriveLine
 from .steering_servo import response
@@ -240,15 +242,36 @@ class Car:
         x [m], y [m] and heading [rad] are `base_link`'s in the world. Nothing but the car is touched.
         """
         data.qpos[self._hinges_and_slides] = self._model.qpos0[self._hinges_and_slides]
-        height = self._model.qpos0[self._free_qpos + 2]
-        half = 0.5 * heading
-        data.qpos[self._free_qpos : self._free_qpos + 7] = (x, y, height, math.cos(half), 0.0, 0.0, math.sin(half))
+        height, half = float(self._model.qpos0[self._free_qpos + 2]), 0.5 * heading
+        pose: Sequence[float] = (x, y, height, math.cos(half), 0.0, 0.0, math.sin(half))
+        ahead: Sequence[float] = (math.cos(heading), math.sin(heading), 0.0)
+        if self._model.nhfield:
+            pose, ahead = self._standing(x, y, heading, height)
+        data.qpos[self._free_qpos : self._free_qpos + 7] = pose
         data.qvel[self._dofs] = 0.0
         data.qacc_warmstart[self._dofs] = 0.0
-        data.qvel[self._free_dof : self._free_dof + 2] = (speed * math.cos(heading), speed * math.sin(heading))
+        data.qvel[self._free_dof : self._free_dof + 3] = [speed * part for part in ahead]
         data.qvel[self._wheel_dofs] = speed / self.parameters.wheel_radius
         data.ctrl[self._steering_ctrl] = 0.0
         data.ctrl[self._speed_ctrl] = speed
+
+    def _standing(self, x: float, y: float, heading: float, height: float) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the pose (7,) of a car whose wheels stand on the ground as it is there, and where it heads (3,)."""
+        own, cos, sin = self.parameters, math.cos(heading), math.sin(heading)
+        grounds = [
+            core.surface_at(self._model._address, x + cos * ahead - sin * aside, y + sin * ahead + cos * aside)[0]
+            for ahead in (0.0, own.wheelbase) for aside in (0.5 * own.track_width, -0.5 * own.track_width)
+        ]  # fmt: skip
+        rear_left, rear_right, front_left, front_right = grounds
+        rise = 0.5 * (front_left + front_right - rear_left - rear_right) / own.wheelbase
+        lean = 0.5 * (front_left + rear_left - front_right - rear_right) / own.track_width
+        up = np.array((-rise * cos + lean * sin, -rise * sin - lean * cos, 1.0))
+        up /= np.linalg.norm(up)
+        left = np.cross(up, (cos, sin, 0.0))
+        left /= np.linalg.norm(left)
+        ahead, turn = np.cross(left, up), np.empty(4)
+        mujoco.mju_mat2Quat(turn, np.column_stack((ahead, left, up)).ravel())
+        return (x, y, 0.5 * (rear_left + rear_right) + height / float(up[2]), *turn.tolist()), ahead.tolist()
 
     def apply(self, data: mujoco.MjData, command: DriveCommand) -> None:
         """Write a command to the actuators, held within their limits."""

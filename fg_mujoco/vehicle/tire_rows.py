@@ -33,7 +33,7 @@ _MOST_COMMON = 16  # dofs that move more than one wheel, at most
 _FIRST_AXLE = "front"
 _SHARE = "{}_friction_share"  # numeric of a spec: what its pairs have of the vehicle's friction, as the tires have it
 _ALONG = 0.999  # [-] cosine between the axis of a tire and the axle of its wheel, at least
-_NEVER = -1.0  # [m] margin of a pair that MuJoCo is to leave alone: a tire is never as deep
+_NEVER = -1e3  # [m] margin of contacts: no tire is ever as deep in the ground plane
 _COUPLED = 1.0  # [-] of what a tendon may damp in a physics step, which takes its force of the step's beginning
 _ON_CONTACTS = "or MuJoCo's own tires: a text 'tires' with data 'contact'"
 

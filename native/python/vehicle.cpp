@@ -6,6 +6,7 @@
 
 #include "../vehicle/friction_patches.hpp"
 #include "../vehicle/motion.hpp"
+#include "../vehicle/terrain.hpp"
 #include "../vehicle/tire_forces.hpp"
 #include "../vehicle/tire_patch.hpp"
 #include "../vehicle/tire_slip.hpp"
@@ -132,6 +133,13 @@ void bind_steps(nb::module_& module) {
                    Stepped(model, data).steps(gears, tires, mu, records, states);
                },
                "model"_a, "data"_a, "gears"_a, "tires"_a, "mu"_a, "records"_a, "states"_a, WithoutGil());
+    module.def("surface_at",
+               [](std::uintptr_t model, double x, double y) {
+                   const Terrain terrain(reinterpret_cast<const mjModel*>(model));
+                   const Surface found = terrain.level() ? Surface{0.0, {0.0, 0.0, 1.0}} : terrain.at(x, y);
+                   return std::tuple(found.height, found.normal[0], found.normal[1], found.normal[2]);
+               },
+               "model"_a, "x"_a, "y"_a);
     module.def("step_on_contacts",
                [](std::uintptr_t model, std::uintptr_t data, Row<const Gear> gears) {
                    const Stepped of(model, data);

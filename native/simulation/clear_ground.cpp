@@ -61,6 +61,24 @@ double distance(const ClearGround& clear, Point point) {
     return nearest;
 }
 
+// Return whether the underside of a car's hull is over the terrain, at its corners and half way along its sides.
+bool is_over(const Terrain& terrain, Numbers qpos, std::int64_t q, const Body& body) {
+    constexpr double bulge = 0.02;  // [m] of ground between two of these places: of a radius of 1 m or more
+    const double w = qpos[q + 3], x = qpos[q + 4], y = qpos[q + 5], z = qpos[q + 6];
+    const double xx = x * x, yy = y * y, zz = z * z;
+    for (const double ahead : {-1.0, 0.0, 1.0})
+        for (const double left : {-1.0, 1.0}) {
+            const double a = body.middle[0] + ahead * body.half_side[0], b = body.middle[1] + left * body.half_side[1];
+            const double c = body.middle[2] - body.half_side[2];
+            const double off_x = a * (1.0 - 2.0 * (yy + zz)) + 2.0 * (b * (x * y - w * z) + c * (x * z + w * y));
+            const double off_y = b * (1.0 - 2.0 * (xx + zz)) + 2.0 * (a * (x * y + w * z) + c * (y * z - w * x));
+            const double off_z = c * (1.0 - 2.0 * (xx + yy)) + 2.0 * (a * (x * z - w * y) + b * (y * z + w * x));
+            const double height = terrain.at(qpos[q] + off_x, qpos[q + 1] + off_y).height;
+            if (!(qpos[q + 2] + off_z > height + bulge)) return false;
+        }
+    return true;
+}
+
 // Return whether a car, whose middle is `here`, is clear of what stands.
 bool is_clear(Numbers qpos, std::int64_t q, const Body& body, Point here, const ClearGround& clear) {
     const double away = distance(clear, here);
@@ -139,7 +157,7 @@ void fill(Matrix points, Row<const std::int64_t> ends, Numbers corner, Table<dou
     }
 }
 
-bool touches_nothing(Numbers qpos, Row<const Car> cars, const ClearGround& clear) {
+bool touches_nothing(Numbers qpos, Row<const Car> cars, const ClearGround& clear, const Terrain& terrain) {
     if (clear.distances.rows == 0 || clear.distances.columns == 0) return false;
     for (std::int64_t car = 0; car < cars.length; ++car) {
         const std::int64_t q = cars[car].free_qpos;
@@ -149,7 +167,8 @@ bool touches_nothing(Numbers qpos, Row<const Car> cars, const ClearGround& clear
         const double middle = qpos[q + 2] + body.middle[0] * up_x + body.middle[1] * up_y + body.middle[2] * up_z;
         const double lowest = middle - body.half_side[0] * std::abs(up_x) - body.half_side[1] * std::abs(up_y) -
                               body.half_side[2] * std::abs(up_z);
-        if (!(up_z > upright && lowest > 0.0)) return false;  // nor is NaN
+        if (!(up_z > upright)) return false;  // nor is NaN
+        if (terrain.level() ? !(lowest > 0.0) : !is_over(terrain, qpos, q, body)) return false;
         const Point here = place(qpos, q, body, 0.0);
         if (!is_clear(qpos, q, body, here, clear)) return false;
         for (std::int64_t other = 0; other < car; ++other) {

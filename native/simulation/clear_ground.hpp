@@ -2,6 +2,7 @@
 #pragma once
 #include "../core/arrays.hpp"
 #include "../vehicle/motion.hpp"
+#include "../vehicle/terrain.hpp"
 
 namespace fg {
 
@@ -23,6 +24,6 @@ void outline(Table<const float> vertices, Row<const std::int32_t> starts, Row<co
 void fill(Matrix points, Row<const std::int64_t> ends, Numbers corner, Table<double> distances);
 
 // Return whether the `cars` (m,) of a world are clear of all that is solid, as they are now.
-bool touches_nothing(Numbers qpos, Row<const Car> cars, const ClearGround& clear);
+bool touches_nothing(Numbers qpos, Row<const Car> cars, const ClearGround& clear, const Terrain& terrain = {});
 
 }  // namespace fg

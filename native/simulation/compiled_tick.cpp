@@ -104,7 +104,7 @@ std::int64_t do_steps(const mjModel* model, mjData* data, std::int64_t world, co
             step_on_contacts(model, data, worlds.gears, sizes.dofs);
         } else {
             const Row<const Car> own = worlds.cars.part(world * cars_per_world, (world + 1) * cars_per_world);
-            const bool clear = touches_nothing({data->qpos, sizes.positions}, own, worlds.ground);
+            const bool clear = touches_nothing({data->qpos, sizes.positions}, own, worlds.ground, Terrain(model));
             if (alone && !clear) return step;
             step_on_tires(model, data, worlds.inertia, worlds.gears, worlds.tires, under, userdata, worlds.scratch,
                           sizes.dofs, worlds.times.timestep, span.advance != 0, clear, step == span.end - 1);

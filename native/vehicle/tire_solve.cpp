@@ -5,6 +5,7 @@
 #include "../core/numbers.hpp"
 #include "../core/transcendental.hpp"
 #include "../core/versions.hpp"
+#include "terrain.hpp"
 #include "tire_patch.hpp"
 
 namespace fg {
@@ -48,44 +49,95 @@ inline void add_scaled(double (&to)[Count], const double (&of)[Count], double fa
     for (int i = 0; i < Count; ++i) to[i] += factor * of[i];
 }
 
+using Vector = std::array<double, 3>;
+
+inline double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+inline Vector cross(const Vector& a, const Vector& b) {
+    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+// Return the mean surface that a tire touches: of three places along its heading, as its contact patch is long.
+Surface touched(const Terrain& terrain, double x, double y, const Vector& axle, double radius) {
+    constexpr double reach = 0.25;  // of the patch to either side, over the radius: it is pressed by 3 % of that
+    const double level = std::sqrt(axle[0] * axle[0] + axle[1] * axle[1]);
+    const double ahead_x = level > 1e-9 ? reach * radius * axle[1] / level : 0.0;
+    const double ahead_y = level > 1e-9 ? -reach * radius * axle[0] / level : 0.0;
+    const Surface middle = terrain.at(x, y);
+    const Surface before = terrain.at(x - ahead_x, y - ahead_y), ahead = terrain.at(x + ahead_x, y + ahead_y);
+    Surface mean{(middle.height + before.height + ahead.height) / 3.0, {}};
+    for (int i = 0; i < 3; ++i) mean.normal[i] = middle.normal[i] + before.normal[i] + ahead.normal[i];
+    const double size = std::sqrt(dot(mean.normal, mean.normal));
+    for (double& part : mean.normal) part /= size;
+    return mean;
+}
+
 // Write what each dof of a wheel moves its contact point by, and its spin, (links, 4); return the depth [m].
 // Forward and left are those of the wheel half a physics step later, so that its mean force acts along its mean
 // heading, and a car that turns neither gains nor loses by it. They are seen from the body that the dof moves: what
-// the car itself turns by then is left to `place_between`. Written are `moves`, too.
-double wheel_rows(const mjData* data, const Tire& tire, int wheel, std::int64_t dofs, double timestep,
-                  Scratch& scratch) {
+// the car itself turns by then is left to `place_between`. Written are `moves`, too. On level ground the normal is
+// upright, and what it multiplies to nothing or to itself is left out.
+template <bool Level>
+double wheel_rows(const mjData* data, const Terrain& terrain, const Tire& tire, int wheel, std::int64_t dofs,
+                  double timestep, Scratch& scratch) {
     const double* position = data->xpos + 3 * tire.body;
     const double* turn = data->xmat + 9 * tire.body;
     const double* mass_center = data->subtree_com + 3 * tire.root;
     const Matrix axes{data->cdof, dofs, 6};
     const Numbers qvel{data->qvel, dofs};
     const double* a = tire.axle;
-    const double ax = turn[0] * a[0] + turn[1] * a[1] + turn[2] * a[2];
-    const double ay = turn[3] * a[0] + turn[4] * a[1] + turn[5] * a[2];
-    const double az = turn[6] * a[0] + turn[7] * a[1] + turn[8] * a[2];
+    const Vector axle{turn[0] * a[0] + turn[1] * a[1] + turn[2] * a[2],
+                      turn[3] * a[0] + turn[4] * a[1] + turn[5] * a[2],
+                      turn[6] * a[0] + turn[7] * a[1] + turn[8] * a[2]};
     const double broad = tire.half_width * tire.half_width - tire.radius * tire.radius;
-    const double deep = std::sqrt(tire.radius * tire.radius + broad * az * az);  // lowest point of an ellipsoid
-    const double depth = deep - (position[2] - tire.ground);
-    const double x = position[0] - broad * az * ax / deep - mass_center[0];
-    const double y = position[1] - broad * az * ay / deep - mass_center[1];
-    const double z = position[2] - deep + 0.5 * max(depth, 0.0) - mass_center[2];  // half way to the ground
-    const double level = std::sqrt(ax * ax + ay * ay);
-    const bool leans = level > 1e-9;
-    const double hx = leans ? ay / level : 1.0, hy = leans ? -ax / level : 0.0;  // to the left is (-hy, hx)
+    Surface under{tire.ground, {0.0, 0.0, 1.0}};
+    Vector foot{position[0], position[1], under.height};
+    if constexpr (!Level) {
+        under = touched(terrain, position[0], position[1], axle, tire.radius);
+        foot[0] -= tire.radius * under.normal[0], foot[1] -= tire.radius * under.normal[1];
+        under = touched(terrain, foot[0], foot[1], axle, tire.radius);
+        foot[2] = under.height;
+    }
+    const Vector& normal = under.normal;
+    const double lean = Level ? axle[2] : dot(axle, normal);
+    const double deep = std::sqrt(tire.radius * tire.radius + broad * lean * lean);  // nearest point of an ellipsoid
+    const Vector over{position[0] - foot[0], position[1] - foot[1], position[2] - foot[2]};
+    const double depth = deep - (Level ? over[2] : dot(over, normal));
+    double point[3];  // half way to the ground, from the centre of mass of the tree
+    for (int i = 0; i < 3; ++i) {
+        const double up = Level ? (i == 2 ? 1.0 : 0.0) : normal[i];
+        const double off = broad * lean * (axle[i] - lean * up) / deep;
+        point[i] = position[i] - deep * up - off + 0.5 * max(depth, 0.0) * up - mass_center[i];
+    }
+    const auto [x, y, z] = point;
+    Vector heading = Level ? Vector{axle[1], -axle[0], 0.0} : cross(axle, normal);
+    const double level = std::sqrt(dot(heading, heading));
+    if (level > 1e-9)
+        for (double& part : heading) part /= level;
+    else
+        heading = {1.0, 0.0, 0.0};
+    const Vector left = cross(normal, heading);
     Moves moves{};
     double total = 0.0, turning = 0.0, sin = 0.0, cos = 1.0;  // [rad/s]: of the links before, and of the first `by`
     int by = 0;
+    const auto turned = [&](const Numbers& axis) {
+        if constexpr (Level) return axis[2];
+        else return axis[0] * normal[0] + axis[1] * normal[1] + axis[2] * normal[2];
+    };
     for (int link = 0; link < tire.links; ++link) {
         const Numbers axis = axes[tire.chain[link]];
         // velocity of the point that the dof makes: what it moves, and what it turns
         const double vx = axis[3] + axis[1] * z - axis[2] * y;
         const double vy = axis[4] + axis[2] * x - axis[0] * z;
-        const double up = axis[5] + axis[0] * y - axis[1] * x;
-        const double along = hx * vx + hy * vy, across = hx * vy - hy * vx;
+        const double vz = axis[5] + axis[0] * y - axis[1] * x;
+        double along = heading[0] * vx + heading[1] * vy, across = left[0] * vx + left[1] * vy, up = vz;
+        if constexpr (!Level) {
+            along += heading[2] * vz, across += left[2] * vz;
+            up = normal[0] * vx + normal[1] * vy + normal[2] * vz;
+        }
         if (by < tire.turned_by[link]) {
             const double before = turning;
             for (; by < tire.turned_by[link]; ++by)  // its spin turns no heading
-                if (by > 0) turning += axes[tire.chain[by]][2] * qvel[tire.chain[by]];
+                if (by > 0) turning += turned(axes[tire.chain[by]]) * qvel[tire.chain[by]];
             if (turning != before) {
                 const double half = 0.5 * timestep * turning;
                 sin = fg::sin(half), cos = fg::cos(half);
@@ -102,7 +154,7 @@ double wheel_rows(const mjData* data, const Tire& tire, int wheel, std::int64_t 
             const double seen = tire.straight[link] ? total : turning;
             moves.gain_along += seen * across * speed;
             moves.gain_across -= seen * along * speed;
-            total += axis[2] * speed;
+            total += turned(axis) * speed;
         }
     }
     scratch.moves = moves;
@@ -325,9 +377,11 @@ FG_VERSIONS void push_car(const mjModel* model, mjData* data, const Inertia& ine
     for (int place = 0; place < gear.commons; ++place)
         for (double& number : scratch.common[place]) number = 0.0;
     Four depth{}, forward{}, along{}, across{}, peaks{};
+    const Terrain terrain(model);
     for (int k = 0; k < wheels; ++k) {
         const Tire& tire = tires[k];
-        depth[k] = wheel_rows(data, tire, k, dofs, timestep, scratch);
+        depth[k] = terrain.level() ? wheel_rows<true>(data, terrain, tire, k, dofs, timestep, scratch)
+                                   : wheel_rows<false>(data, terrain, tire, k, dofs, timestep, scratch);
         forward[k] = move(data, gear, tire, k, short_step, dofs, scratch);
         along[k] = own[k].along, across[k] = own[k].across, peaks[k] = mu[k];
         half_solve(data, inertia, gear, tire, k, dofs, scratch);

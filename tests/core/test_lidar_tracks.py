@@ -38,6 +38,7 @@ def throw(world, data, rng):
 @each("track", [
     *track_names(), *(str(path) for path in CIRCUITS if path.exists()), "hairpins[walls=duct,height=0.2,room=5]",
     "random:3[walls=duct,height=0.33,gap=0.2,piece=2,room=2,clutter=30]", "oval[height=0.15,gap=0.3,room=1]",
+    "oval[bank=12,ramp=8,roughness=C]",
 ])
 def test_raycast_sees_what_mujoco_sees(track):
     world, rng, returns = World(track), np.random.default_rng(2), 0

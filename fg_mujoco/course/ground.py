@@ -1,0 +1,294 @@
+"""The ground of a circuit that is not level: banks, a ramp, a crest, roughness, or heights of one's own.
+
+    result = race("oval[bank=15,roughness=C]")
+    course = replace(load_track("oval"), relief=Relief(ramp=10.0))
+
+There is one surface: a height field, whose nodes are `Ground.heights`. Between them it is bicubic (native/vehicle/
+terrain.hpp), and all that stands on the circuit stands on it. Heights are over the level that the line would have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import portable
+from ..arguments import explain_class
+from ..errors import SettingsError, TrackError, accepted_names
+from ..messages import FloatArray, read_only, require, require_whole
+from .polyline import is_inside
+
+ROUGHNESS = {"": 0.0, "A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}
+"""Class of a road -> spectral density of its heights at a wave of 10 m [m^3]. Source: ISO 8608, geometric means."""
+
+SCALE = 0.1
+"""Of our cars: a road's heights and lengths are so many times as great for them."""
+
+_CELL, _FINE_CELL = 0.1, 0.05  # [m]
+_BEYOND = 1.5  # [m] of ground round the walls
+_STEEPEST_BANK, _STEEPEST_RAMP = 30.0, 20.0  # [deg]
+_PLATEAU, _RISE, _ROUNDED = 1.0, 0.25, 1.0  # [m] a ramp's length on top, its height, and over what its corners are
+_CREST_LENGTH = 4.0  # [m]
+_STRAIGHT = 0.05  # [1/m] curvature of a stretch that takes a ramp
+_LONGEST_WAVE, _SHORTEST_WAVE, _WAVES = 5.0, 0.2, 160  # [m] of roughness, at our scale
+_STEEPEST = 1.0  # slope of a road: 45 degrees
+_MOST_NODES = 1_100_000
+_EASED = 2.0  # [m] over which a bank begins
+
+
+@explain_class
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relief:
+    """What the ground of a circuit has.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
+
+    bank: float = 0.0  # [deg] of bends, their outside higher
+    ramp: float = 0.0  # [deg] up and down again, on the longest straight stretch
+    crest: float = 0.0  # [m] height of a smooth one there; negative: a sag
+    roughness: str = ""  # class of ISO 8608, at the scale of our cars
+    seed: int = 0  # of the roughness
+    heights: FloatArray | None = None  # (rows, columns) [m] of one's own, rows from the lowest y on
+    cell: float = _CELL  # [m] between two of one's own
+    corner: tuple[float, float] = (0.0, 0.0)  # [m] x and y of the first
+
+    def __post_init__(self) -> None:
+        for names, most, unit in (
+            (("bank",), _STEEPEST_BANK, "deg"), (("ramp",), _STEEPEST_RAMP, "deg"), (("crest",), 0.5, "m"),
+        ):  # fmt: skip
+            least = 0.0 if names == ("ramp",) else -most
+            require(self, lambda v: least <= v <= most, f"{least:g} to {most:g} {unit}", names, SettingsError)  # noqa: B023
+        if self.roughness not in ROUGHNESS:
+            raise SettingsError(f"Relief.roughness is {self.roughness!r}; {accepted_names(self.roughness, ROUGHNESS)}")
+        require_whole("Relief.seed", self.seed, 0)
+        require(self, lambda value: 0.001 <= value <= 10.0, "0.001 to 10 m", ("cell",), SettingsError)
+        if self.heights is not None:
+            own = read_only(self.heights)
+            if own.ndim != 2 or min(own.shape) < 2 or own.size > _MOST_NODES:
+                accepted = f"(rows, columns), 2 or more each, up to {_MOST_NODES} in all"
+                raise SettingsError(f"Relief.heights has shape {own.shape}; accepted: {accepted}")
+            if not np.isfinite(own).all():
+                row, column = np.argwhere(~np.isfinite(own))[0].tolist()
+                said = f"Relief.heights is {own[row, column]} in row {row}, column {column}"
+                raise SettingsError(f"{said}; accepted: finite numbers")
+            object.__setattr__(self, "heights", own)
+
+    @property
+    def level(self) -> bool:
+        """Whether it has nothing."""
+        return self.heights is None and not (self.bank or self.ramp or self.crest or self.roughness)
+
+    @property
+    def definition(self) -> dict[str, FloatArray]:
+        """All numbers that it is, by name, for the definition of a course; `of` reads them back."""
+        if self.level:
+            return {}
+        place = list(ROUGHNESS).index(self.roughness)
+        row = [self.bank, self.ramp, self.crest, place, self.seed, self.cell, *self.corner]
+        own = {} if self.heights is None else {"heights": self.heights}
+        return {"relief": np.array(row, np.float64)} | own
+
+    @classmethod
+    def of(cls, definition: Mapping[str, FloatArray]) -> Relief:
+        """Return the relief that is in a definition; LEVEL where it has none."""
+        if "relief" not in definition:
+            return LEVEL
+        bank, ramp, crest, place, seed, cell, x, y = np.asarray(definition["relief"]).tolist()
+        return cls(
+            bank=bank, ramp=ramp, crest=crest, roughness=list(ROUGHNESS)[int(place)], seed=int(seed), cell=cell,
+            corner=(x, y), heights=definition.get("heights"),
+        )  # fmt: skip
+
+
+LEVEL = Relief()
+"""That of a course of which nothing is told."""
+
+SETTINGS = (*(f.name for f in fields(Relief) if f.name != "seed"), "ground_seed")
+"""Settings in the brackets of a course's name; of `heights` it is a file."""
+
+
+def read_relief(name: str, texts: Mapping[str, str]) -> Relief:
+    """Return the relief of settings by name, of a course's name; TrackError: one that cannot be."""
+    own: dict[str, Any] = {}
+    for key, text in texts.items():
+        try:
+            if key == "heights":
+                own[key] = np.load(Path(text), allow_pickle=False).astype(np.float64)
+            elif key == "corner":
+                x, y = text.split(":")
+                own[key] = float(x), float(y)
+            else:
+                own[key.removeprefix("ground_")] = (
+                    text if key == "roughness" else int(text) if key == "ground_seed" else float(text)
+                )
+        except (OSError, ValueError, EOFError) as error:
+            accepted = {"heights": "a .npy file of heights [m]", "corner": "X:Y [m]"}.get(key, "a number")
+            why = f" ({' '.join(str(error).split())})" if key == "heights" else ""
+            raise TrackError(f"{name!r}: {key} is {text!r}{why}; accepted: {accepted}") from None
+    try:
+        return Relief(**own)
+    except SettingsError as error:
+        raise TrackError(f"{name!r}: {error}") from error
+
+
+@explain_class
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ground:
+    """A surface of heights."""
+
+    heights: FloatArray  # (rows, columns) [m] at the nodes, rows from the lowest y on
+    corner: tuple[float, float]  # [m] x and y of the first
+    cell: float  # [m] between two
+
+    @property
+    def flat(self) -> bool:
+        """Whether it is level ground after all."""
+        return not self.heights.any()
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return the height at points (..., 2) [m], between nodes along the sides of their cell. Shape (...,) [m]."""
+        place = (np.asarray(points) - self.corner) / self.cell
+        column, row = (
+            np.clip(place[..., axis], 0.0, self.heights.shape[1 - axis] - 1.0) for axis in (0, 1)
+        )  # fmt: skip
+        left = np.minimum(column.astype(int), self.heights.shape[1] - 2)
+        low = np.minimum(row.astype(int), self.heights.shape[0] - 2)
+        across, up = column - left, row - low
+        nodes = self.heights
+        lower = (1.0 - across) * nodes[low, left] + across * nodes[low, left + 1]
+        upper = (1.0 - across) * nodes[low + 1, left] + across * nodes[low + 1, left + 1]
+        return np.asarray((1.0 - up) * lower + up * upper)
+
+    def lifted(self, vertices: FloatArray) -> FloatArray:
+        """Return vertices (n, 3) [m] of something that stands on level ground where they are on this one."""
+        return np.column_stack((vertices[:, :2], vertices[:, 2] + self.at(vertices[:, :2])))
+
+
+def make_ground(track: Any) -> Ground | None:
+    """Return the ground of a Track, as its relief says; None: it is level.
+
+    Raises:
+      TrackError: no stretch is long enough for its ramp, or the road is too steep somewhere.
+    """
+    relief = track.relief
+    if relief.level:
+        return None
+    cell = relief.cell if relief.heights is not None else _FINE_CELL if relief.roughness else _CELL
+    points = np.concatenate(track.edges)
+    low = np.floor((points.min(axis=0) - _BEYOND) / cell) * cell
+    columns, rows = (np.ceil((points.max(axis=0) + _BEYOND - low) / cell).astype(int) + 1).tolist()
+    if rows * columns > _MOST_NODES:
+        raise TrackError(f"the ground of {track.name!r} has {rows * columns} nodes; accepted: {_MOST_NODES} at most")
+    x, y = low[0] + cell * np.arange(columns), low[1] + cell * np.arange(rows)
+    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    heights = np.zeros(len(nodes))
+    if relief.bank or relief.ramp or relief.crest:
+        s, offset = track.project(nodes)
+        heights += _along_and_across(track, s, offset)
+    if relief.roughness:
+        heights += _rough(nodes, relief)
+    if relief.heights is not None:
+        heights += Ground(heights=relief.heights, corner=relief.corner, cell=relief.cell).at(nodes)
+    ground = Ground(heights=read_only(heights.reshape(rows, columns)), corner=(float(low[0]), float(low[1])), cell=cell)
+    _check_slope(track, ground, nodes)
+    return ground
+
+
+def _along_and_across(track: Any, s: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return what bank, ramp and crest add at places along and across the line [m]. Shape (n,) [m]."""
+    relief, step = track.relief, 0.05
+    places = np.arange(0.0, track.length, step)
+    curvature = np.interp(places, track.arc_length, track.curvature, period=track.length)
+    curvature = _smoothed(curvature, _EASED / step)
+    share = np.clip(2.0 * curvature / np.abs(curvature).max(), -1.0, 1.0)
+    slope = _smoothed(share, _EASED / step) * math.tan(math.radians(relief.bank))
+    width = float(np.maximum(track.corridor_left, track.corridor_right).max()) + 0.5
+    found = -np.clip(offset, -width, width) * np.interp(s, places, slope, period=track.length)
+    if relief.ramp or relief.crest:
+        middle, length = _longest_straight(places, curvature, track.length)
+        along = np.abs((places - middle + 0.5 * track.length) % track.length - 0.5 * track.length)
+        profile = np.zeros(len(places))
+        if relief.ramp:
+            slope_of = math.tan(math.radians(relief.ramp))
+            needed = _PLATEAU + 2.0 * _RISE / slope_of + _ROUNDED
+            _require_room(track, "ramp", needed, length)
+            profile += _smoothed(np.clip(_RISE - (along - 0.5 * _PLATEAU) * slope_of, 0.0, _RISE), _ROUNDED / step)
+        if relief.crest:
+            _require_room(track, "crest", _CREST_LENGTH, length)
+            within = np.minimum(along / (0.5 * _CREST_LENGTH), 1.0)
+            profile += 0.5 * relief.crest * (1.0 + portable.cos(math.pi * within))
+        found += np.interp(s, places, profile, period=track.length)
+    return found
+
+
+def _require_room(track: Any, what: str, needed: float, length: float) -> None:
+    if length < needed:
+        raise TrackError(
+            f"{track.name!r} has no straight stretch of {needed:.1f} m for its {what}, the longest has {length:.1f} m; "
+            f"accepted: none, or another course"
+        )
+
+
+def _longest_straight(places: FloatArray, curvature: FloatArray, length: float) -> tuple[float, float]:
+    """Return the middle of the longest straight stretch, as progress, and its length [m]."""
+    straight = np.abs(curvature) < _STRAIGHT
+    if straight.all():
+        return 0.5 * length, length
+    start = int(np.flatnonzero(~straight)[0])
+    turned = np.roll(straight, -start)
+    changes = np.flatnonzero(np.diff(np.concatenate(([0], turned.astype(int), [0]))))
+    if len(changes) == 0:
+        return 0.0, 0.0
+    spans = changes.reshape(-1, 2)
+    first, behind = spans[np.argmax(spans[:, 1] - spans[:, 0])]
+    step = places[1]
+    return float(((0.5 * (first + behind) + start) * step) % length), float((behind - first) * step)
+
+
+def _smoothed(values: FloatArray, width: float) -> FloatArray:
+    """Return the means of a closed row of values over so many of them."""
+    half = max(int(0.5 * width), 0)
+    sums = np.cumsum(np.concatenate((values[-half - 1 :], values, values[:half])))
+    return np.asarray((sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1))
+
+
+def _rough(nodes: FloatArray, relief: Relief) -> FloatArray:
+    """Return heights of a rough road at nodes (n, 2) [m], the same in all directions: a sum of waves. Shape (n,) [m].
+
+    ISO 8608 gives the density G0 (n0 / n)^2 of the heights along a line, of n waves a metre, n0 = .1 / m. With waves in
+    all directions it is that of a surface of density C / k^3 over the plane of wave numbers, integrated across the
+    line: 4 C / n^2, of waves to either side. So those of a wave number k have the variance 2 pi C / k^2 dk.
+    """
+    rng = np.random.default_rng((relief.seed, 2))
+    edges = np.geomspace(1.0 / _LONGEST_WAVE, 1.0 / _SHORTEST_WAVE, _WAVES + 1)
+    numbers, widths = np.sqrt(edges[1:] * edges[:-1]), np.diff(edges)
+    density = ROUGHNESS[relief.roughness] * 0.1**2 * SCALE  # [m]: G0 by SCALE^3, and n0^2 by SCALE^-2
+    variance = 2.0 * math.pi * 0.25 * density * numbers**-2 * widths
+    angles, phases = rng.uniform(0.0, 2.0 * math.pi, (2, _WAVES))
+    found = np.zeros(len(nodes))
+    directions = np.column_stack((portable.cos(angles), portable.sin(angles)))
+    for number, (ahead_x, ahead_y), phase, own in zip(numbers, directions, phases, variance, strict=True):
+        along = nodes[:, 0] * ahead_x + nodes[:, 1] * ahead_y
+        found += math.sqrt(2.0 * own) * portable.cos(2.0 * math.pi * number * along + phase)
+    return found
+
+
+def _check_slope(track: Any, ground: Ground, nodes: FloatArray) -> None:
+    """Raise TrackError where a road is steeper than any wheel takes."""
+    rise = np.abs(np.diff(ground.heights, axis=1, append=ground.heights[:, -1:]))
+    rise = np.maximum(rise, np.abs(np.diff(ground.heights, axis=0, append=ground.heights[-1:])))
+    steep = (rise > _STEEPEST * ground.cell).ravel()
+    steep[steep] = is_inside(nodes[steep], track.edges)
+    if steep.any():
+        (px, py), slope = nodes[steep][0].tolist(), float(rise.ravel()[steep][0]) / ground.cell
+        raise TrackError(
+            f"the ground of {track.name!r} has a slope of {math.degrees(math.atan(slope)):.0f} deg at ({px:.2f}, "
+            f"{py:.2f}); accepted: up to {math.degrees(math.atan(_STEEPEST)):.0f} deg, with heights in metres"
+        )

@@ -1,0 +1,262 @@
+"""Ground that is not level: the surface, and a car on it against statics and closed forms."""
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from cases import each
+from fg_mujoco.course.definitions import course_of
+from fg_mujoco.course.ground import ROUGHNESS, SCALE, Relief
+from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.native import core
+from fg_mujoco.racing.run_folder import write_run
+from fg_mujoco.simulation.world import World
+from fg_mujoco.vehicle.car import WHEELS, Car
+from fg_mujoco.vehicle.tire_forces import TireForces
+from fg_mujoco.vehicle.tire_rows import FORCE_ACROSS, FORCE_ALONG, LOAD, USERDATA
+
+GRAVITY = 9.81
+
+
+class OnHeights:
+    """A car on ground whose height is a function of x and y [m], without walls near it."""
+
+    def __init__(self, height, *, reach=12.0, cell=0.1, mu=None, tires=None, timestep=None):
+        nodes = cell * np.arange(-round(reach / cell), round(reach / cell) + 1)
+        x, y = np.meshgrid(nodes, nodes)
+        line = fg.load_track("oval").centreline
+        away = line - line.mean(axis=0)
+        course = fg.Track(
+            name="around", centreline=2.0 * away, width_right=np.ones(len(line)), width_left=np.ones(len(line)),
+            relief=Relief(heights=height(x, y), cell=cell, corner=(nodes[0], nodes[0])),
+        )  # fmt: skip
+        self.model = World(course, mu=mu, tires=tires).model
+        if timestep:
+            self.model.opt.timestep = timestep
+        self.data, self.car = mujoco.MjData(self.model), Car(self.model, "car/")
+        self.forces = TireForces(self.model, "car/")
+
+    def place(self, x=0.0, y=0.0, heading=0.0, speed=0.0):
+        mujoco.mj_resetData(self.model, self.data)
+        self.car.set_pose(self.data, x, y, heading, speed)
+        self.forces.begin(self.data)
+
+    def hold(self, seconds, steering=0.0, speed=0.0):
+        self.car.apply(self.data, fg.DriveCommand(steering_angle=steering, speed=speed))
+        for _ in range(round(seconds / self.model.opt.timestep)):
+            self.forces.step(self.data)
+
+    @property
+    def tires(self):
+        return self.data.userdata[: 4 * USERDATA].reshape(4, USERDATA)
+
+
+def keys(place, heights):
+    """The cubic of Keys (1981) through heights (n,) at a place in cells, ends repeated: another way to write it."""
+    first = min(int(place), len(heights) - 2)
+    padded, t = np.pad(heights, 2, mode="edge"), place - first
+    a, b, c, d = padded[first + 1 : first + 5]
+    return b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
+
+
+def test_the_surface_is_the_cubic_of_both_axes_and_its_normal_is_its_slope():
+    rng = np.random.default_rng(3)
+    spec = mujoco.MjSpec()
+    heights = rng.uniform(0.0, 1.0, (7, 9))
+    heights = (heights - heights.min()) / np.ptp(heights)
+    spec.add_hfield(name="field", nrow=7, ncol=9, size=(2.0, 1.5, 0.3, 0.1), userdata=heights.ravel())
+    spec.worldbody.add_geom(name="field", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="field", pos=(5.0, -2.0, 0.4))
+    model = spec.compile()
+    stored = 0.4 + 0.3 * model.hfield_data.reshape(7, 9).astype(float)
+    for x, y in rng.uniform((3.0, -3.5), (7.0, -0.5), (200, 2)):
+        across, up = (x - 3.0) / 0.5, (y + 3.5) / 0.5
+        height, *normal = core.surface_at(model._address, x, y)
+        assert height == pytest.approx(keys(up, np.array([keys(across, row) for row in stored])), abs=1e-9)
+        step = 1e-6
+        rise = [
+            core.surface_at(model._address, x + dx, y + dy)[0] - core.surface_at(model._address, x - dx, y - dy)[0]
+            for dx, dy in ((step, 0.0), (0.0, step))
+        ]
+        assert np.linalg.norm(normal) == pytest.approx(1.0)
+        assert -np.array(normal[:2]) / normal[2] == pytest.approx(np.array(rise) / (2 * step), abs=1e-5)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for row, column in ((0, 0), (3, 5), (6, 8)):  # at nodes it is where MuJoCo's rays meet the field
+        x, y = 3.0 + 0.5 * column, -3.5 + 0.5 * row
+        inside = np.array([min(max(x, 3.001), 6.999), min(max(y, -3.499), -0.501), 5.0])
+        distance = mujoco.mj_rayHfield(model, data, 0, inside, np.array([0.0, 0.0, -1.0]))
+        distance = distance[0] if isinstance(distance, tuple) else distance
+        assert 5.0 - distance == pytest.approx(core.surface_at(model._address, x, y)[0], abs=5e-3)
+
+
+@each("degrees", [-10.0, 5.0, 15.0])
+@each("heading", [0.0, 0.5 * math.pi])
+def test_a_car_at_rest_on_a_bank_has_the_wheel_loads_of_statics(degrees, heading):
+    """The loads carry its weight across the slope, and with the friction they turn nothing about its centre of mass."""
+    slope, angle = math.tan(math.radians(degrees)), math.radians(degrees)
+    ground = OnHeights(lambda x, y: slope * y)
+    spins = [ground.model.joint(f"car/{wheel}_wheel").dofadr[0] for wheel in WHEELS]
+    ground.model.dof_damping[spins] = 1e6  # or it rolls down
+    ground.place(heading=heading)
+    ground.hold(4.0)
+    own, loads = ground.car.parameters, ground.tires[:, LOAD]
+    weight, normal = own.mass * GRAVITY, np.array([0.0, -math.sin(angle), math.cos(angle)])
+    assert loads.sum() == pytest.approx(weight * math.cos(angle), rel=1e-3)
+    bodies = [ground.data.body(f"car/{wheel}_wheel") for wheel in WHEELS]
+    feet = []
+    for body, row in zip(bodies, ground.forces.rows, strict=True):  # of an ellipsoid about its axle
+        axle = body.xmat.reshape(3, 3) @ row["axle"]
+        broad, lean = row["half_width"] ** 2 - row["radius"] ** 2, axle @ normal
+        nearest = row["radius"] ** 2 * normal + broad * lean * axle
+        feet.append(body.xpos - nearest / math.sqrt(row["radius"] ** 2 + broad * lean**2))
+    mass_center = ground.data.subtree_com[ground.model.body("car/base_link").id]
+    friction = np.array([0.0, 0.0, weight]) - loads.sum() * normal
+    moments = np.cross(feet - mass_center, loads[:, None] * normal + 0.25 * friction)
+    level = moments.sum(axis=0) - (moments.sum(axis=0) @ normal) * normal
+    assert np.abs(level).max() < 1e-3 * weight * 0.5 * own.track_width
+
+
+@each("mu", [0.5, 0.8, 1.0])
+@each("degrees", [-10.0, -5.0, 0.0, 5.0, 10.0, 20.0])
+def test_a_steady_circle_on_a_bank_takes_the_friction_of_the_closed_form(mu, degrees):
+    """On a cone about the origin: across the car F / N = (v^2 / g r - tan b) / (1 + v^2 / g r tan b)."""
+    slope, radius = math.tan(math.radians(degrees)), 4.0
+    ground = OnHeights(lambda x, y: slope * (np.hypot(x, y) - radius), reach=8.0, mu=mu)
+    speed = 0.9 * math.sqrt(GRAVITY * radius * (mu + slope) / (1.0 - mu * slope))
+    ground.place(0.0, -radius, 0.0, speed)
+    found = []
+    for tick in range(320):
+        x, y = ground.data.qpos[:2]
+        ahead = ground.data.body("car/base_link").xmat[[0, 3]]
+        off, turned = math.hypot(x, y) - radius, math.remainder(
+            math.atan2(y, x) + 0.5 * math.pi - math.atan2(ahead[1], ahead[0]), 2.0 * math.pi)
+        ground.hold(0.025, 0.083 + 0.4 * off + 0.8 * turned, speed)
+        if tick >= 200:
+            center = ground.data.subtree_com[ground.model.body("car/base_link").id]
+            mujoco.mj_subtreeVel(ground.model, ground.data)
+            velocity = ground.data.subtree_linvel[ground.model.body("car/base_link").id]
+            way, at = np.linalg.norm(velocity), math.hypot(*center[:2])
+            tires = ground.tires
+            found.append((tires[:, FORCE_ACROSS].sum(), tires[:, FORCE_ALONG].sum(), tires[:, LOAD].sum(), way, at))
+    across, along, load, way, at = np.mean(found, axis=0)
+    assert np.std(np.array(found)[:, 4]) < 0.01
+    pull = way**2 / (GRAVITY * at)
+    assert math.hypot(across, along) / load == pytest.approx(abs((pull - slope) / (1.0 + pull * slope)), rel=0.02)
+
+
+@each("radius", [4.0, 8.0])
+def test_a_car_leaves_the_ground_of_a_crest_at_the_speed_of_the_closed_form(radius):
+    """At v^2 = g r of its centre of gravity: the load that is left at the top is 1 - v^2 / g r of the weight."""
+    arc = 0.4 * radius  # to either side of the top; before and behind it the slope stays
+    ground = OnHeights(
+        lambda x, y: np.sqrt(radius**2 - np.minimum(np.abs(x), arc) ** 2)
+        - np.maximum(np.abs(x) - arc, 0.0) * arc / math.sqrt(radius**2 - arc**2),
+    )  # fmt: skip
+    own = ground.car.parameters
+    lever = radius + own.center_of_gravity_height
+    speed, loads, ways = 0.9 * math.sqrt(GRAVITY * lever), [], []
+    ground.place(-arc - 1.0, speed=speed)
+    while (middle := ground.data.qpos[0] + own.rear_axle_distance) < 0.3:
+        ground.hold(ground.model.opt.timestep, 0.0, speed)
+        if abs(middle) < 0.3:
+            loads.append(ground.tires[:, LOAD].sum() / (own.mass * GRAVITY))
+            ways.append(np.linalg.norm(ground.data.qvel[:3]))
+    assert 0.2 < np.mean(loads) < 0.4
+    assert np.mean(ways) ** 2 / (1.0 - np.mean(loads)) == pytest.approx(GRAVITY * lever, rel=0.02)
+    ground.place(-arc - 1.0, speed=1.2 * speed)  # faster than that it flies
+    off = 0
+    while ground.data.qpos[0] < 0.3:
+        ground.hold(ground.model.opt.timestep, 0.0, 1.2 * speed)
+        off += ground.tires[:, LOAD].sum() == 0.0
+    assert off * ground.model.opt.timestep > 0.05
+
+
+def test_up_a_ramp_the_tires_push_what_the_height_takes():
+    """Energy: at a steady speed they do the work of lifting the car, m g sin a a metre."""
+    angle = math.radians(10.0)
+    ground = OnHeights(lambda x, y: math.tan(angle) * x, reach=14.0)
+    ground.place(-8.0, speed=2.0)
+    ground.hold(2.0, 0.0, 2.5)
+    start, work = ground.data.qpos[2], 0.0
+    kinetic = 0.5 * ground.car.parameters.mass * np.sum(ground.data.qvel[:3] ** 2)
+    for _ in range(400):
+        before = ground.data.qpos[:3].copy()
+        ground.hold(ground.model.opt.timestep, 0.0, 2.5)
+        work += ground.tires[:, FORCE_ALONG].sum() * np.linalg.norm(ground.data.qpos[:3] - before)
+    lifted = ground.car.parameters.mass * GRAVITY * (ground.data.qpos[2] - start)
+    lifted += 0.5 * ground.car.parameters.mass * np.sum(ground.data.qvel[:3] ** 2) - kinetic
+    assert work == pytest.approx(lifted, rel=0.01)
+
+
+@each("name", ["oval", "hairpins"])
+def test_level_ground_given_as_heights_is_driven_to_the_bit_as_the_plane(name):
+    course = fg.load_track(name)
+    given = replace(course, relief=Relief(heights=np.zeros((3, 4)), cell=10.0))
+    races = [fg.race(each_of, laps=1) for each_of in (course, given)]
+    assert races[0].trajectory_sha256 == races[1].trajectory_sha256
+    assert np.array_equal(races[0].car.telemetry, races[1].car.telemetry, equal_nan=True)
+
+
+@each("road", ["A", "C", "D"])
+def test_a_rough_road_has_the_spectrum_of_its_class_at_our_scale(road):
+    course = fg.load_track("oval")
+    heights = [replace(course, relief=Relief(roughness=road, seed=seed)).ground.heights for seed in range(6)]
+    spacing, rows = 0.05, np.concatenate(heights)
+    rows = rows[:, : rows.shape[1] // 2 * 2] - rows.mean(axis=1, keepdims=True)
+    window = np.hanning(rows.shape[1])
+    power = np.abs(np.fft.rfft(rows * window, axis=1)) ** 2
+    density = 2.0 * spacing * power.mean(axis=0) / (window**2).sum()
+    waves = np.fft.rfftfreq(rows.shape[1], spacing)
+    band = (waves > 0.5) & (waves < 3.0)
+    asked = ROUGHNESS[road] * SCALE * (0.1 / waves[band]) ** 2 / 0.1**2 * 0.1**2
+    assert np.exp(np.mean(np.log(density[band] / asked))) == pytest.approx(1.0, rel=0.25)
+
+
+@each("name", [
+    "oval[bank=10]", "oval[ramp=8,walls=duct,height=0.2,room=3]", "oval[crest=0.1,roughness=C,ground_seed=4]",
+])  # fmt: skip
+def test_walls_and_obstacles_stand_on_it_it_is_made_again_and_a_run_on_it_is_replayed(name, tmp_path):
+    course = fg.load_track(name)
+    again = course_of(name, course.definition)
+    assert np.array_equal(again.ground.heights, course.ground.heights)
+    world = World(course)
+    lowest = {}
+    for geom in range(world.model.ngeom):
+        mesh = world.model.geom_dataid[geom]
+        if world.model.geom(geom).name in ("walls", "ducts"):
+            first, count = world.model.mesh_vertadr[mesh], world.model.mesh_vertnum[mesh]
+            turn = np.empty(9)
+            mujoco.mju_quat2Mat(turn, world.model.geom_quat[geom])
+            at = world.model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + world.model.geom_pos[geom]
+            above = at[:, 2] - course.ground.at(at[:, :2])
+            lowest["walls"] = above.min(), above.max()
+    assert lowest["walls"] == pytest.approx((0.0, course.built.height), abs=1e-5)
+    result = fg.race(name, laps=1, time_limit=4.0)
+    write_run(result, tmp_path / "run")
+    assert fg.replay(tmp_path / "run").identical
+
+
+@each("text", [
+    "oval[bank=40]", "oval[ramp=30]", "oval[roughness=E]", "oval[bank=x]", "oval[heights=none.npy]",
+    "hairpins[ramp=0.5]",
+])  # fmt: skip
+def test_ground_that_cannot_be_is_refused_in_a_line(text):
+    with pytest.raises(TrackError, match="accepted") as refused:
+        _ = fg.load_track(text).ground
+    assert "\n" not in str(refused.value)
+
+
+def test_heights_with_a_hole_or_in_centimetres_and_tires_on_contacts_are_refused_with_the_place(tmp_path):
+    with pytest.raises(SettingsError, match=r"nan in row 1, column 2"):
+        Relief(heights=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, math.nan]]))
+    steps = 10.0 * (np.arange(400) % 2) * np.ones((200, 1))
+    with pytest.raises(TrackError, match=r"slope of 8\d deg at \("):
+        _ = replace(fg.load_track("oval"), relief=Relief(heights=steps, corner=(-10.0, -10.0))).ground
+    with pytest.raises(SettingsError, match="contact"):
+        World("oval[bank=5]", tires="contact")
+    np.save(tmp_path / "own.npy", np.zeros((4, 4)))
+    assert fg.load_track(f"oval[heights={tmp_path}/own.npy,cell=10]").ground.flat
