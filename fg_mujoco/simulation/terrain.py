@@ -17,7 +17,10 @@ from ..course.ground import Ground
 TERRAIN = "terrain"
 """Name of the geom that tires stand on, the first of its model."""
 
-_BODIES, _SEEN = "terrain_for_bodies", "terrain_seen"
+SEEN = "terrain_seen"
+"""Name of the geom that beams and pictures see."""
+
+_BODIES = "terrain_for_bodies"
 _COARSE = 0.1  # [m] of a cell that bodies meet; on finer ones a box on level ground turns over
 _SEEN_CELL = 0.1  # [m] at least, of the mesh
 _BASE = 0.5  # [m] of ground below the lowest place
@@ -33,10 +36,10 @@ def add_terrain(spec: Any, ground: Ground) -> None:
         return
     _add_field(spec, _BODIES, _coarser(ground, _COARSE))
     vertices, faces = _mesh(_coarser(ground, _SEEN_CELL))
-    mesh = spec.add_mesh(name=_SEEN, uservert=vertices.ravel(), userface=faces.ravel())
+    mesh = spec.add_mesh(name=SEEN, uservert=vertices.ravel(), userface=faces.ravel())
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it has no volume
     spec.worldbody.add_geom(
-        name=_SEEN, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=_SEEN, rgba=_COLOUR, contype=0, conaffinity=0
+        name=SEEN, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=SEEN, rgba=_COLOUR, contype=0, conaffinity=0
     )
 
 

@@ -28,6 +28,7 @@ from ...simulation.cars import (
     car_prefixes,
     lidar_prefix,
 )
+from ...simulation.terrain import SEEN
 from ...simulation.world import compiled_model
 from .ribbons import Surface, box_faces, nearest_on, road, strip_across, wall_chains, wall_faces, wall_tops
 from .textures import asphalt, car_number, chequers, hall_floor, wall_face, wall_top
@@ -152,8 +153,11 @@ def _dress_course(spec: Any, start: tuple[float, float] | None) -> None:
         _add(spec, f"wall_faces_{index}", wall_faces(chain), materials["wall_faces"])
         _add(spec, f"{WALL_TOPS.removeprefix(LOOK_PREFIX)}{index}", wall_tops(chain), materials["wall_tops"])
     left, right = (chain[:, 0, :2] for chain in chains[:2]) if len(chains) > 1 else (None, None)
-    surface = road(left, right) if left is not None and right is not None else None
-    if surface is None:  # one floor for all
+    uneven = spec.geom(SEEN) is not None
+    surface = road(left, right) if left is not None and right is not None and not uneven else None
+    if uneven:
+        start = None
+    elif surface is None:  # one floor for all
         _add_floor(spec, _paint(spec, "ground", asphalt(), repeat=0.5, specular=0.05), 0.0)
     else:
         _add_floor(spec, materials["floor"], _FLOOR_BELOW)
