@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from ..errors import TrackError
 from ..messages import FloatArray
 from .course import ISLAND, Course
-from .ground import Relief
 from .moving_obstacles import MovingObstacle
 from .obstacles import solids_of
 from .track import MapTrack, Track
-from .walls import PLAIN, Walls
 
 _TRACK = ("centreline", "width_right", "width_left")
 _WALLS = ("wall_right", "wall_left")
@@ -41,15 +40,23 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
     names = tuple(key for key in definition if key not in islands)
     moving = tuple(map(MovingObstacle.of, definition.get("moving", ())))
-    built = Walls.of(definition["built"]) if "built" in definition else PLAIN
+    dressed: dict[str, Any] = {}
+    if "built" in definition:
+        from .built_walls import Walls
+
+        dressed["built"] = Walls.of(definition["built"])
+    if "relief" in definition:
+        from .ground import Relief
+
+        dressed["relief"] = Relief.of(definition)
     if "rules" not in names:
         names = tuple(key for key in names if key not in ("moving", "built", "relief", "heights"))
     lines: dict[str, FloatArray] = {key: definition[key] for key in names}
     if names == _TRACK:
-        return Track(name=name, moving=moving, built=built, relief=Relief.of(definition), **lines)
+        return Track(name=name, moving=moving, **dressed, **lines)
     if names == _TRACK + _WALLS:
         outlines = tuple(definition[key] for key in islands)
-        return MapTrack(name=name, moving=moving, built=built, relief=Relief.of(definition), outlines=outlines, **lines)
+        return MapTrack(name=name, moving=moving, **dressed, outlines=outlines, **lines)
     if names == _SCENE:
         start, goal, time_limit, goal_is_to_stop = definition["rules"].tolist()
         return Scene(

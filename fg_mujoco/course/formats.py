@@ -24,7 +24,7 @@ from .track import Track
 _OF_CIRCUITS = re.compile(
     r"\[((?:[^\[\]]*,)?(?:walls|height|thickness|gap|piece|porosity|room|room_height|clutter|wall_seed|bank|ramp|crest|"
     r"roughness|ground_seed|heights|cell|corner)=[^\[\]]*)\]$"
-)  # the settings of a name, some of which are of walls.SETTINGS or ground.SETTINGS
+)  # the settings of a name, some of which are of built_walls.SETTINGS or ground.SETTINGS
 
 TIGHT = "tight"
 """Kind of the random circuits that are built as races are: `random:SEED:tight`."""
@@ -59,7 +59,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
       name_or_path: a bundled name, `random:SEED`, `random:SEED:tight`, `scene:NAME`, `scene:NAME:SEED`, or a path to a
         centreline `.csv` or to a map's `.yaml`, or a text of a format that an installed package registers; with
         settings in brackets where wanted: of a file (centreline_csv.load_centreline, map_track.load_map), and of the
-        walls and the ground of any circuit (walls.SETTINGS, ground.SETTINGS).
+        walls and the ground of any circuit (built_walls.SETTINGS, ground.SETTINGS).
       car: that a scene is made for: its gaps are measured in widths of the car.
 
     Raises:
@@ -72,8 +72,8 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         return _load(name, car)
     from .ground import SETTINGS as OF_GROUND
     from .ground import read_relief
-    from .walls import SETTINGS as OF_WALLS
-    from .walls import read_walls
+    from .built_walls import SETTINGS as OF_WALLS
+    from .built_walls import read_walls
 
     texts = [text.partition("=") for text in match[1].split(",")]
     own = {key: value for key, _, value in texts if key in OF_WALLS or key in OF_GROUND}
@@ -84,9 +84,11 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     course = _load(name[: match.start()] + (f"[{of_file}]" if rest else ""), car)
     if not isinstance(course, Track):
         raise TrackError(f"{name!r} has settings of walls or ground ({', '.join(own)}); accepted: those of a circuit")
-    built = read_walls(name, {key: value for key, value in own.items() if key in OF_WALLS})
-    relief = read_relief(name, {key: value for key, value in own.items() if key in OF_GROUND})
-    return replace(course, name=name, built=built, relief=relief)
+    walls, ground = ({key: text for key, text in own.items() if key in of} for of in (OF_WALLS, OF_GROUND))
+    return replace(
+        course, name=name, built=read_walls(name, walls) if walls else None,
+        relief=read_relief(name, ground) if ground else None,
+    )  # fmt: skip
 
 
 def _load(name: str, car: CarParameters) -> Course:

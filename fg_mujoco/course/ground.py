@@ -88,8 +88,6 @@ class Relief:
     @property
     def definition(self) -> dict[str, FloatArray]:
         """All numbers that it is, by name, for the definition of a course; `of` reads them back."""
-        if self.level:
-            return {}
         place = list(ROUGHNESS).index(self.roughness)
         row = [self.bank, self.ramp, self.crest, place, self.seed, self.cell, *self.corner]
         own = {} if self.heights is None else {"heights": self.heights}
@@ -97,18 +95,13 @@ class Relief:
 
     @classmethod
     def of(cls, definition: Mapping[str, FloatArray]) -> Relief:
-        """Return the relief that is in a definition; LEVEL where it has none."""
-        if "relief" not in definition:
-            return LEVEL
+        """Return the relief that is in a definition."""
         bank, ramp, crest, place, seed, cell, x, y = np.asarray(definition["relief"]).tolist()
         return cls(
             bank=bank, ramp=ramp, crest=crest, roughness=list(ROUGHNESS)[int(place)], seed=int(seed), cell=cell,
             corner=(x, y), heights=definition.get("heights"),
         )  # fmt: skip
 
-
-LEVEL = Relief()
-"""That of a course of which nothing is told."""
 
 SETTINGS = (*(f.name for f in fields(Relief) if f.name != "seed"), "ground_seed")
 """Settings in the brackets of a course's name; of `heights` it is a file."""

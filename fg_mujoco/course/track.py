@@ -13,6 +13,7 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,13 +24,15 @@ from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import CLEAR_AHEAD, CLEAR_BEHIND, ISLAND, Sites, default_time_limit
-from .ground import LEVEL, Ground, Relief, make_ground
 from .moving_obstacles import MovingObstacle
-from .obstacles import Obstacle
+from .obstacles import Obstacle, Prism
 from .polyline import MOST_POINTS, cross, segments, self_crossings, step_lengths, steps, subdivide, turns
 from .projection import progress_by_sections, project_near, with_sections
-from .track_mesh import Surface
-from .walls import PLAIN, Walls, hall_solids, surface_of_walls, wall_solids
+from .track_mesh import Surface, wall_feet, wall_surface
+
+if TYPE_CHECKING:
+    from .ground import Ground, Relief
+    from .built_walls import Walls
 
 OFF_CENTRE = 0.5
 """Greatest offset of a random start, as a share of what the car has between the centreline and the nearer wall."""
@@ -64,8 +67,8 @@ class Track(Shown):
     width_right: FloatArray  # (n,) [m] from the centreline to the right wall
     width_left: FloatArray  # (n,) [m] to the left wall
     moving: tuple[MovingObstacle, ...] = ()  # that move there, as `with_moving` of the add-on arena puts them
-    built: Walls = PLAIN  # how its walls are built
-    relief: Relief = LEVEL  # what its ground has
+    built: Walls | None = None  # how its walls are built; None: upright, without gaps
+    relief: Relief | None = None  # what its ground has; None: it is level
 
     def __post_init__(self) -> None:
         line = read_only(self.centreline)
@@ -188,27 +191,45 @@ class Track(Shown):
     def definition(self) -> dict[str, FloatArray]:
         """All that makes it what it is: line and widths, and what moves there."""
         moving = {"moving": np.array([each.numbers() for each in self.moving], np.float64)} if self.moving else {}
-        built = {} if self.built == PLAIN else {"built": self.built.numbers}
+        built = {} if self.built is None else {"built": self.built.numbers}
+        relief = {} if self.relief is None else self.relief.definition
         lines = {name: getattr(self, name) for name in ("centreline", "width_right", "width_left")}
-        return lines | moving | built | self.relief.definition
+        return lines | moving | built | relief
 
     @cached_property
     def walls(self) -> tuple[Obstacle, ...]:
         """The convex solids that the walls are made of: one for each segment of their inner faces."""
-        return wall_solids(self._standing_edges, self.built)
+        if self.built is not None:
+            from .built_walls import wall_solids
+
+            return wall_solids(self._standing_edges, self.built)
+        feet = wall_feet(self._standing_edges).tolist()
+        return tuple(Prism(footprint=tuple((x, y) for x, y in corners)) for corners in feet)
 
     @cached_property
     def hall(self) -> tuple[Obstacle, ...]:
         """The walls of the hall that the track is in, and what stands there; none without a hall."""
+        if self.built is None:
+            return ()
+        from .built_walls import hall_solids
+
         return hall_solids(self.edges, self.built)
 
     def wall_surface(self) -> Surface | None:
         """Return one mesh of all walls, which is seen in place of the solids."""
+        if self.built is None:
+            return wall_surface(self._standing_edges)
+        from .built_walls import surface_of_walls
+
         return surface_of_walls(self._standing_edges, self.built)
 
     @cached_property
     def ground(self) -> Ground | None:
         """The surface that it lies on; None: level ground."""
+        if self.relief is None:
+            return None
+        from .ground import make_ground
+
         return make_ground(self)
 
     @property

@@ -24,12 +24,10 @@ from ..arguments import Suggesting, explain_class
 from ..controllers.control.speed import lifting_share
 from ..course.course import Course
 from ..course.definitions import course_sha256
-from ..course.ground import Ground
 from ..course.kept_courses import sources_of_courses
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle, Pipe, require_obstacles
-from ..course.walls import PLAIN
 from ..display import brief, quoted
 from ..errors import ModelError, Note, SettingsError, accepted_names
 from ..kept import kept
@@ -58,7 +56,6 @@ from .cars import (
 )
 from .clear_ground import distances_of
 from .course_loading import load_track
-from .terrain import add_terrain, stand_on_terrain
 
 _WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
 _BELOW_GROUND = 0.5  # [m] that solids reach down: MuJoCo pushes a car out by the shortest way, which is never down
@@ -199,7 +196,9 @@ class World(Suggesting):
 
 def _note_walls(world: World) -> None:
     """Remark walls over which the beams look and see nothing; refuse porous ones that MuJoCo's rays are to measure."""
-    built = getattr(world.track, "built", PLAIN)
+    built = getattr(world.track, "built", None)
+    if built is None:
+        return
     if built.porosity and world.lidar_backend != "raycast":
         said = f"walls with a porosity of {built.porosity:g} for the LiDAR back end {world.lidar_backend!r}"
         raise SettingsError(f"{said}; accepted: 'raycast'")
@@ -315,6 +314,8 @@ def _compose(
         if track.moving:
             said = f"things that move on {track.name!r}, whose ground is not level"
             raise SettingsError(f"{said}; accepted: none, or a level course")
+        from .terrain import add_terrain
+
         add_terrain(spec, ground)
     _add_light(spec, track)
     _add_course(spec, track, obstacles, walls=walls)
@@ -336,6 +337,8 @@ def _compose(
         spec.attach(car, frame=spec.worldbody.add_frame(), prefix=car_prefix(index))
     add_touch_sensors(spec, len(cars))
     if ground is not None and not ground.flat:
+        from .terrain import stand_on_terrain
+
         stand_on_terrain(spec)
     return spec
 
@@ -411,7 +414,7 @@ def _add_walls(spec: Any, track: Course) -> None:
         _add_hull(spec, f"wall_{index}", _prism(wall, ground), _INVISIBLE if index < hidden else _WALL_COLOUR)
 
 
-def _prism(solid: Obstacle, ground: Ground | None = None) -> FloatArray:
+def _prism(solid: Obstacle, ground: Any = None) -> FloatArray:
     """Return the corners of a solid, _BELOW_GROUND and above it, or of a pipe, on a ground. Shape (n, 3) [m]."""
     if isinstance(solid, Pipe):
         vertices = solid.vertices()

@@ -113,9 +113,6 @@ class Walls:
         return hash(self.numbers.tobytes())
 
 
-PLAIN = Walls()
-"""The walls of a course of which nothing else is told."""
-
 _NUMBERS = tuple(f.name for f in fields(Walls) if f.name not in ("kind", "height", "thickness"))
 
 SETTINGS = {"walls": "kind"} | {f.name: f.name for f in fields(Walls) if f.name not in ("kind", "seed")} | {
