@@ -70,10 +70,10 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         raise TrackError(f"track {name[:60]!r}... has {len(name)} characters; accepted: {LONGEST_NAME} at most")
     if (match := _OF_CIRCUITS.search(name)) is None:
         return _load(name, car)
-    from .ground import SETTINGS as OF_GROUND
-    from .ground import read_relief
     from .built_walls import SETTINGS as OF_WALLS
     from .built_walls import read_walls
+    from .ground import SETTINGS as OF_GROUND
+    from .ground import read_relief
 
     texts = [text.partition("=") for text in match[1].split(",")]
     own = {key: value for key, _, value in texts if key in OF_WALLS or key in OF_GROUND}

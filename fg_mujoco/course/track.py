@@ -31,8 +31,8 @@ from .projection import progress_by_sections, project_near, with_sections
 from .track_mesh import Surface, wall_feet, wall_surface
 
 if TYPE_CHECKING:
-    from .ground import Ground, Relief
     from .built_walls import Walls
+    from .ground import Ground, Relief
 
 OFF_CENTRE = 0.5
 """Greatest offset of a random start, as a share of what the car has between the centreline and the nearer wall."""

@@ -10,10 +10,10 @@ import trimesh
 
 import fg_mujoco as fg
 from cases import each
+from fg_mujoco.course.built_walls import Walls
 from fg_mujoco.course.definitions import course_of
 from fg_mujoco.course.polyline import is_inside, step_lengths
 from fg_mujoco.course.track import Track
-from fg_mujoco.course.built_walls import Walls
 from fg_mujoco.errors import TrackError
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.simulation.cars import WorldCar
