@@ -51,12 +51,12 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
         dressed["relief"] = Relief.of(definition)
     if "rules" not in names:
         names = tuple(key for key in names if key not in ("moving", "built", "relief", "heights"))
-    lines: dict[str, FloatArray] = {key: definition[key] for key in names}
+    lines: dict[str, Any] = {key: definition[key] for key in names} | ({} if "rules" in names else dressed)
     if names == _TRACK:
-        return Track(name=name, moving=moving, **dressed, **lines)
+        return Track(name=name, moving=moving, **lines)
     if names == _TRACK + _WALLS:
         outlines = tuple(definition[key] for key in islands)
-        return MapTrack(name=name, moving=moving, **dressed, outlines=outlines, **lines)
+        return MapTrack(name=name, moving=moving, outlines=outlines, **lines)
     if names == _SCENE:
         start, goal, time_limit, goal_is_to_stop = definition["rules"].tolist()
         return Scene(
