@@ -20,8 +20,8 @@ import numpy as np
 from .. import portable
 from ..arguments import explain_class
 from ..errors import SettingsError, TrackError, accepted_names
-from ..messages import FloatArray, read_only, require, require_whole
-from .polyline import is_inside
+from ..messages import FloatArray, read_only, require, require_whole, shown
+from .polyline import cross, is_inside, step_lengths, steps, subdivide
 
 ROUGHNESS = {"": 0.0, "A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}
 """Class of a road -> spectral density of its heights at a wave of 10 m [m^3]. Source: ISO 8608, geometric means."""
@@ -38,6 +38,7 @@ _STRAIGHT = 0.05  # [1/m] curvature of a stretch that takes a ramp
 _LONGEST_WAVE, _SHORTEST_WAVE, _WAVES = 5.0, 0.2, 160  # [m] of roughness, at our scale
 _STEEPEST = 1.0  # slope of a road: 45 degrees
 _MOST_NODES = 1_100_000
+_SPACING, _CHUNK = 0.1, 2048  # [m] between points of the line that nodes are near to, and nodes at a time
 _EASED = 2.0  # [m] over which a bank begins
 
 
@@ -69,8 +70,18 @@ class Relief:
             raise SettingsError(f"Relief.roughness is {self.roughness!r}; {accepted_names(self.roughness, ROUGHNESS)}")
         require_whole("Relief.seed", self.seed, 0)
         require(self, lambda value: 0.001 <= value <= 10.0, "0.001 to 10 m", ("cell",), SettingsError)
+        try:
+            x, y = map(float, self.corner)
+        except (TypeError, ValueError):
+            x = y = math.nan
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise SettingsError(f"Relief.corner is {shown(self.corner)}; accepted: x and y [m]")
         if self.heights is not None:
-            own = read_only(self.heights)
+            try:
+                own = read_only(self.heights)
+            except (TypeError, ValueError):
+                said = f"Relief.heights is {shown(self.heights)}"
+                raise SettingsError(f"{said}; accepted: an array (rows, columns) of heights [m]") from None
             if own.ndim != 2 or min(own.shape) < 2 or own.size > _MOST_NODES:
                 accepted = f"(rows, columns), 2 or more each, up to {_MOST_NODES} in all"
                 raise SettingsError(f"Relief.heights has shape {own.shape}; accepted: {accepted}")
@@ -183,8 +194,7 @@ def make_ground(track: Any) -> Ground | None:
     nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     heights = np.zeros(len(nodes))
     if relief.bank or relief.ramp or relief.crest:
-        s, offset = track.project(nodes)
-        heights += _along_and_across(track, s, offset)
+        heights += _along_and_across(track, *_places(track, nodes))
     if relief.roughness:
         heights += _rough(nodes, relief)
     if relief.heights is not None:
@@ -192,6 +202,28 @@ def make_ground(track: Any) -> Ground | None:
     ground = Ground(heights=read_only(heights.reshape(rows, columns)), corner=(float(low[0]), float(low[1])), cell=cell)
     _check_slope(track, ground, nodes)
     return ground
+
+
+def _places(track: Any, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return progress and offset, left positive, of nodes (n, 2) [m]: of the nearer segment at the nearest point."""
+    (line,) = subdivide(track.centreline, _SPACING)
+    ahead, lengths = steps(line), step_lengths(line)
+    s, found = np.cumsum(lengths) - lengths, np.empty((2, len(nodes)))
+    for first in range(0, len(nodes), _CHUNK):
+        points = nodes[first : first + _CHUNK]
+        x, y = points.T[:, :, None]
+        nearest = ((x - line[:, 0]) ** 2 + (y - line[:, 1]) ** 2).argmin(axis=1)
+        sides = []
+        for segment in (nearest - 1, nearest):
+            away = points - line[segment]
+            share = np.clip(np.sum(away * ahead[segment], axis=1) / lengths[segment] ** 2, 0.0, 1.0)
+            distance = np.hypot(*(away - share[:, None] * ahead[segment]).T)
+            offset = np.where(cross(ahead[segment], away) < 0.0, -distance, distance)
+            sides.append((s[segment] + share * lengths[segment], offset))
+        (s_before, before), (s_after, after) = sides
+        nearer = np.abs(before) < np.abs(after)
+        found[:, first : first + _CHUNK] = np.where(nearer, s_before, s_after), np.where(nearer, before, after)
+    return found[0] % track.length, found[1]
 
 
 def _along_and_across(track: Any, s: FloatArray, offset: FloatArray) -> FloatArray:

@@ -23,6 +23,8 @@ GREATEST_NOISE = 10.0
 LONGEST_LATENCY = 1.0
 """[s] Longest latency that is accepted, forty sweeps."""
 
+_GREATEST_ANGLE = 1.5  # [rad] nearly a right one
+
 
 @explain_class
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +65,8 @@ class LidarEffects:
         latency = f"0 to {LONGEST_LATENCY:g} s; an F1TENTH car drives 8 m in that time"
         require(self, lambda value: 0.0 <= value <= LONGEST_LATENCY, latency, ("latency",), SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("dropout_probability",), SettingsError)
-        angle = "0 to 1.57 rad, a right angle"
-        require(self, lambda value: 0.0 <= value <= 0.5 * math.pi, angle, ("floor_angle",), SettingsError)
+        angle = f"0 to {_GREATEST_ANGLE} rad"
+        require(self, lambda value: 0.0 <= value <= _GREATEST_ANGLE, angle, ("floor_angle",), SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("through_cars",), SettingsError)
         if not isinstance(self.motion_distortion, bool):
             said = f"LidarEffects.motion_distortion is {self.motion_distortion!r}"

@@ -22,7 +22,7 @@ SEEN = "terrain_seen"
 
 _BODIES = "terrain_for_bodies"
 _COARSE = 0.1  # [m] of a cell that bodies meet; on finer ones a box on level ground turns over
-_SEEN_CELL = 0.1  # [m] at least, of the mesh
+_SEEN_CELL = 0.2  # [m] at least, of the mesh
 _BASE = 0.5  # [m] of ground below the lowest place
 _COLOUR = (0.45, 0.45, 0.46, 1.0)
 _INVISIBLE = (0.0, 0.0, 0.0, 0.0)
@@ -30,11 +30,12 @@ _HIDDEN_GROUP = 3
 
 
 def add_terrain(spec: Any, ground: Ground) -> None:
-    """Add a ground to the spec of a world, in place, before any other geom; of a flat one, only what tires stand on."""
+    """Add a ground to the spec of a world, in place, before any other geom; if flat, only what tires stand on."""
     _add_field(spec, TERRAIN, ground)
     if ground.flat:
         return
-    _add_field(spec, _BODIES, _coarser(ground, _COARSE))
+    coarse = _coarser(ground, _COARSE)
+    _add_field(spec, _BODIES, coarse, TERRAIN if coarse.cell == ground.cell else "")
     vertices, faces = _mesh(_coarser(ground, _SEEN_CELL))
     mesh = spec.add_mesh(name=SEEN, uservert=vertices.ravel(), userface=faces.ravel())
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it has no volume
@@ -53,18 +54,19 @@ def stand_on_terrain(spec: Any) -> None:
             geom.material, geom.rgba, geom.group, geom.contype, geom.conaffinity = "", _INVISIBLE, _HIDDEN_GROUP, 0, 0
 
 
-def _add_field(spec: Any, name: str, ground: Ground) -> None:
-    """Add a height field that is not seen; MuJoCo keeps heights as shares of their range."""
+def _add_field(spec: Any, name: str, ground: Ground, like: str = "") -> None:
+    """Add a height field that is not seen, or another geom `like` one; heights are kept as shares of their range."""
     heights = ground.heights
     (rows, columns), least, most = heights.shape, float(heights.min()), float(heights.max())
     half = 0.5 * ground.cell * (np.array((columns, rows)) - 1)
-    spec.add_hfield(
-        name=name, nrow=rows, ncol=columns, size=(*half, most - least or 1.0, _BASE),
-        userdata=((heights - least) / (most - least or 1.0)).ravel(),
-    )  # fmt: skip
+    if not like:
+        spec.add_hfield(
+            name=name, nrow=rows, ncol=columns, size=(*half, most - least or 1.0, _BASE),
+            userdata=((heights - least) / (most - least or 1.0)).ravel(),
+        )  # fmt: skip
     spec.worldbody.add_geom(
-        name=name, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=name, pos=(*(np.array(ground.corner) + half), least),
-        rgba=_INVISIBLE, group=_HIDDEN_GROUP, contype=0, conaffinity=0,
+        name=name, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=like or name,
+        pos=(*(np.array(ground.corner) + half), least), rgba=_INVISIBLE, group=_HIDDEN_GROUP, contype=0, conaffinity=0,
     )  # fmt: skip
 
 

@@ -466,6 +466,7 @@ BAD = {
     "lidar_noise": (*NUMBER, -0.1, 50.0), "lidar_dropout": (*NUMBER, -0.1, 1.5),
     "lidar_latency": (*NUMBER, -1.0, 100.0),
     "motion_distortion": (3, "yes"), "start_s": NUMBER, "start_offset": NUMBER, "start_heading": NUMBER,
+    "floor_angle": (*NUMBER, -0.1, 2.0), "through_cars": (*NUMBER, -0.1, 1.5),
     "start_speed": NUMBER, "mass": (*POSITIVE,), "cog_height": (*POSITIVE,), "steering_gain": (*POSITIVE,),
     "speed_gain": (*POSITIVE,), "command_delay": (*NUMBER, -0.1, 1.0),
 }  # fmt: skip
