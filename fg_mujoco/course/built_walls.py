@@ -93,24 +93,18 @@ class Walls:
 
     @property
     def numbers(self) -> FloatArray:
-        """All that they are, for the definition of a course; `of` reads it back."""
-        values = [KINDS.index(self.kind), self.height, self.depth, *(getattr(self, name) for name in _NUMBERS)]
-        return np.array(values, np.float64)
+        """All that they are, for the definition of a course; `of` reads it back. A thickness of NaN: none is told."""
+        thickness = math.nan if self.thickness is None else self.thickness
+        others = [getattr(self, name) for name in _NUMBERS]
+        return np.array([KINDS.index(self.kind), self.height, thickness, *others], np.float64)
 
     @classmethod
     def of(cls, numbers: FloatArray) -> Walls:
         """Return the walls of such numbers; raise SettingsError, ValueError or IndexError for others."""
-        kind, height, depth, *others = np.asarray(numbers).tolist()
+        kind, height, thickness, *others = np.asarray(numbers).tolist()
         own: dict[str, Any] = dict(zip(_NUMBERS, others, strict=True))
         own |= {name: int(own[name]) for name in ("clutter", "seed")}
-        duct = KINDS[int(kind)] == "duct"
-        return cls(kind=KINDS[int(kind)], height=height, thickness=None if duct else depth, **own)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Walls) and np.array_equal(self.numbers, other.numbers)
-
-    def __hash__(self) -> int:
-        return hash(self.numbers.tobytes())
+        return cls(kind=KINDS[int(kind)], height=height, thickness=None if math.isnan(thickness) else thickness, **own)
 
 
 _NUMBERS = tuple(f.name for f in fields(Walls) if f.name not in ("kind", "height", "thickness"))

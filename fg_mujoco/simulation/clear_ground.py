@@ -74,7 +74,7 @@ def distances_of(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
     """
     nothing = np.zeros((0, 0)), np.zeros(2)
     solid = (model.geom_contype | model.geom_conaffinity) != 0
-    solid &= model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
+    solid &= ~np.isin(model.geom_type, (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD))
     if model.nmocap or not (model.geom_type[solid & (model.body_weldid[model.geom_bodyid] == 0)] == _MESH).all():
         return nothing
     standing = np.flatnonzero(solid & (model.geom_bodyid == 0))

@@ -27,6 +27,7 @@ _BASE = 0.5  # [m] of ground below the lowest place
 _COLOUR = (0.45, 0.45, 0.46, 1.0)
 _INVISIBLE = (0.0, 0.0, 0.0, 0.0)
 _HIDDEN_GROUP = 3
+_NOBODY = 2**20  # of contacts: nothing has it; a geom with no bit is only seen, and cars alone have none of these
 
 
 def add_terrain(spec: Any, ground: Ground) -> None:
@@ -66,7 +67,8 @@ def _add_field(spec: Any, name: str, ground: Ground, like: str = "") -> None:
         )  # fmt: skip
     spec.worldbody.add_geom(
         name=name, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=like or name,
-        pos=(*(np.array(ground.corner) + half), least), rgba=_INVISIBLE, group=_HIDDEN_GROUP, contype=0, conaffinity=0,
+        pos=(*(np.array(ground.corner) + half), least), rgba=_INVISIBLE, group=_HIDDEN_GROUP, contype=_NOBODY,
+        conaffinity=0,
     )  # fmt: skip
 
 

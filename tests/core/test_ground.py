@@ -243,6 +243,16 @@ def test_walls_and_obstacles_stand_on_it_it_is_made_again_and_a_run_on_it_is_rep
     assert fg.replay(tmp_path / "run").identical
 
 
+def test_a_world_of_a_rollout_on_rough_ground_is_the_race_that_its_setup_says(tmp_path):
+    """Several worlds are stepped as cars alone, without what is only seen."""
+    worlds = fg.rollout(
+        "oval[roughness=C,bank=3,walls=duct,height=0.2,gap=0.1,room=3]", n=2, time_limit=2.0, laps=1, out=tmp_path,
+        randomize={"mu": (0.8, 1.0), "through_cars": (0.0, 0.5), "floor_angle": (0.0, 0.1)}, record="telemetry",
+    )  # fmt: skip
+    race = fg.race(worlds.setup(1))
+    assert np.array_equal(race.car.telemetry, worlds.telemetry(1), equal_nan=True)
+
+
 @each("text", [
     "oval[bank=40]", "oval[ramp=30]", "oval[roughness=E]", "oval[bank=x]", "oval[heights=none.npy]",
     "hairpins[ramp=0.5]",
