@@ -40,6 +40,7 @@ WALL_TOPS = f"{LOOK_PREFIX}wall_tops_"
 
 _CAR_GROUP = 2  # of the plain shapes of a vehicle
 _PAINT = "paint"  # the material of a look that has the colour of a car among several
+_TILES = 0.5  # a metre, of ground with heights
 _LINE_WIDTH, _LINE_FIELD = 0.30, 0.10  # [m]
 _FLOOR_BELOW, _LINE_ABOVE = -0.012, 0.0015  # [m] so that surfaces do not fight for a pixel
 SUN = (-0.42, 0.30, -1.0)  # where its light goes
@@ -154,6 +155,10 @@ def _dress_course(spec: Any, start: tuple[float, float] | None) -> None:
         _add(spec, f"{WALL_TOPS.removeprefix(LOOK_PREFIX)}{index}", wall_tops(chain), materials["wall_tops"])
     left, right = (chain[:, 0, :2] for chain in chains[:2]) if len(chains) > 1 else (None, None)
     uneven = spec.geom(SEEN) is not None
+    if uneven:
+        mesh = spec.mesh(SEEN)
+        mesh.usertexcoord = (np.array(mesh.uservert).reshape(-1, 3)[:, :2] * _TILES).ravel()
+        spec.geom(SEEN).material, spec.geom(SEEN).rgba = materials["road"], (1.0, 1.0, 1.0, 1.0)
     surface = road(left, right) if left is not None and right is not None and not uneven else None
     if uneven:
         start = None
