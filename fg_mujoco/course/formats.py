@@ -100,6 +100,13 @@ def _load(name: str, car: CarParameters) -> Course:
         if (kind := foreign_kind(name)) is not None:
             raise TrackError(f"{name}: is {kind}; accepted: {_instead(Path(name))}")
         return _centreline(name)
+    base, bracket, settings = name.partition("[")
+    if bracket and base in track_names():
+        from .built_walls import SETTINGS as OF_WALLS
+        from .ground import SETTINGS as OF_GROUND
+
+        key = settings.rstrip("]").partition("=")[0]
+        raise TrackError(f"{name!r}: setting {key!r}; {accepted_names(key, (*OF_WALLS, *OF_GROUND))}, in brackets")
     *texts, last = (each.texts for each in _formats() if each.texts)
     rest, scenes = name.partition(":")[2], course_names()[len(track_names()) :]
     besides = [*([f"random:{rest}"] if rest else []), *scenes]

@@ -39,6 +39,7 @@ _LONGEST_WAVE, _SHORTEST_WAVE, _WAVES = 5.0, 0.2, 160  # [m] of roughness, at ou
 _STEEPEST = 1.0  # slope of a road: 45 degrees
 _MOST_NODES = 1_100_000
 _SPACING, _CHUNK = 0.1, 2048  # [m] between points of the line that nodes are near to, and nodes at a time
+_CLEAR = 1.0  # [m] of the start line to a ramp
 _EASED = 2.0  # [m] over which a bank begins
 
 
@@ -185,7 +186,7 @@ def make_ground(track: Any) -> Ground | None:
     if relief.level:
         return None
     cell = relief.cell if relief.heights is not None else _FINE_CELL if relief.roughness else _CELL
-    points = np.concatenate(track.edges)
+    points = np.concatenate((*track.edges, *(solid.corners() for solid in track.hall)))
     low = np.floor((points.min(axis=0) - _BEYOND) / cell) * cell
     columns, rows = (np.ceil((points.max(axis=0) + _BEYOND - low) / cell).astype(int) + 1).tolist()
     if rows * columns > _MOST_NODES:
@@ -271,9 +272,12 @@ def _longest_straight(places: FloatArray, curvature: FloatArray, length: float) 
     changes = np.flatnonzero(np.diff(np.concatenate(([0], turned.astype(int), [0]))))
     if len(changes) == 0:
         return 0.0, 0.0
-    spans = changes.reshape(-1, 2)
-    first, behind = spans[np.argmax(spans[:, 1] - spans[:, 0])]
-    step = places[1]
+    step, spans = places[1], []
+    for first, behind in changes.reshape(-1, 2).tolist():  # the car does not start on what is put there
+        line = len(places) - start
+        parts = [(first, line - _CLEAR / step), (line + _CLEAR / step, behind)] if first < line < behind else []
+        spans += parts or [(first, behind)]
+    first, behind = max(spans, key=lambda span: span[1] - span[0])
     return float(((0.5 * (first + behind) + start) * step) % length), float((behind - first) * step)
 
 

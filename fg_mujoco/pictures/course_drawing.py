@@ -26,18 +26,24 @@ _START_LINE: dict[str, Any] = {"color": "black", "linewidth": 1.6, "solid_capsty
 
 def extent(course: Course, *lines: FloatArray) -> FloatArray:
     """Return the least and greatest x and y of the picture of a course and lines (n, 2). Shape (2, 2) [m]."""
-    points = np.concatenate((course.bounds, *wall_outlines(course), *lines))
+    hall = [solid.corners() for solid in getattr(course, "hall", ())]
+    points = np.concatenate((course.bounds, *wall_outlines(course), *hall, *lines))
     return np.stack((points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN))
 
 
 def draw_course(axes: Axes, course: Course, *lines: FloatArray) -> None:
-    """Draw walls, start line, an arrow ahead, and goal line of a course, with room for `lines` (n, 2) [m]."""
+    """Draw ground, walls, start line, an arrow ahead, and goal line of a course, with room for `lines` (n, 2) [m]."""
     (left, bottom), (right, top) = extent(course, *lines)
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.grid(False)
     axes.spines[:].set_visible(True)
+    ground, built = getattr(course, "ground", None), getattr(course, "built", None)
+    if ground is not None:
+        _shade(axes, ground)
     if course.edges:
-        _draw_floor(axes, course.edges)
+        _draw_floor(axes, course.edges, "0.95" if ground is None else "none")
+        if built is not None:
+            _draw_solids(axes, (*course.walls, *getattr(course, "hall", ())), _WALL_COLOUR)
     else:
         _draw_solids(axes, course.walls, _WALL_COLOUR)
     for line in course.ground_lines:
@@ -78,7 +84,20 @@ def _draw_solids(axes: Axes, solids: Iterable[Obstacle], colour: str) -> None:
         axes.fill(*solid.corners().T, facecolor=colour, edgecolor=colour, linewidth=0.4)
 
 
-def _draw_floor(axes: Axes, edges: tuple[FloatArray, ...]) -> None:
+def _shade(axes: Axes, ground: Any) -> None:
+    """Draw a ground as the sun in the north-west shades it, five times as high as it is."""
+    from matplotlib.colors import LightSource
+
+    (rows, columns), (x, y) = ground.heights.shape, ground.corner
+    shade = LightSource(azdeg=315.0, altdeg=45.0).hillshade(ground.heights, 5.0, ground.cell, ground.cell)
+    limits = axes.get_xlim(), axes.get_ylim()
+    half = 0.5 * ground.cell
+    place = (x - half, x + ground.cell * columns - half, y - half, y + ground.cell * rows - half)
+    axes.imshow(shade, extent=place, origin="lower", cmap="gray", vmin=-0.4, vmax=1.1, zorder=0.5)
+    axes.set(xlim=limits[0], ylim=limits[1])
+
+
+def _draw_floor(axes: Axes, edges: tuple[FloatArray, ...], colour: str) -> None:
     """Draw the free floor between a left and a right edge, and the islands in it."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
@@ -86,7 +105,7 @@ def _draw_floor(axes: Axes, edges: tuple[FloatArray, ...]) -> None:
     left, right = (edge if enclosed_area(edge) > 0.0 else edge[::-1] for edge in edges[:2])
     walls = [closed(left), closed(right[::-1])]  # against each other: a ring, not two discs
     floor = Outline.make_compound_path(*(Outline(wall, closed=True) for wall in walls))
-    axes.add_patch(PathPatch(floor, facecolor="0.95", edgecolor="0.25", linewidth=0.8))
+    axes.add_patch(PathPatch(floor, facecolor=colour, edgecolor="0.25", linewidth=0.8))
     for island in edges[2:]:
         axes.fill(*island.T, facecolor=_WALL_COLOUR, edgecolor="0.25", linewidth=0.8)
 

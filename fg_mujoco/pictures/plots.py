@@ -36,6 +36,7 @@ _PANEL_HEIGHT = 0.9  # [in] of each panel over time
 _TIRE_HEIGHT = 0.56  # [in] of a tire's panel over the lap
 _BELOW, _BETWEEN = 0.6, 0.1  # [in] below axes: with the name of the axis and a title below that, and without
 _TITLE_LINE = 0.17  # [in] of a title
+_TITLE_LETTERS = 95  # of a line of it
 _LEFT, _LABELS = 0.7, 0.41  # [in] where axes begin, and how far left of that the names of their quantities end
 _LEGEND_EDGE = 0.88  # of the width; right of it are colour bar and legends
 _MAX_LAP_LABELS = 12
@@ -56,7 +57,7 @@ def track_picture(track: Course, path: Target) -> None:
         draw_course(axes, track)
         draw_line(axes, track)
         draw_obstacles(axes, track.obstacles, track.moving)
-        axes.set_title(describe_course(track))
+        axes.set_title("\n".join(wrap(describe_course(track), _TITLE_LETTERS)))
 
 
 def trace_picture(result: RaceResult, path: Target) -> None:

@@ -26,6 +26,7 @@ from ..vehicle.motion import drift_odometry
 from ..vehicle.sensors import CarState, Sensor
 from .cars import car_prefix
 from .planner_failure import error_text, file_of
+from .terrain import SEEN
 from .world_batch import CarArrays, Mask
 
 _SAME_TIME = 1e-9  # [s]
@@ -62,6 +63,8 @@ class Sensing:
         batch, _ = self._engine._place_of(row // self._engine.cars_per_world)
         if any(optics) and batch.drawn is None:
             raise SettingsError("floor_angle or through_cars of a LiDAR that MuJoCo measures; accepted: lidar raycast")
+        if optics[1] and mujoco.mj_name2id(batch.world.model, mujoco.mjtObj.mjOBJ_GEOM, SEEN) >= 0:
+            raise SettingsError("floor_angle on ground that is not level; accepted: 0, or a level course")
         if effects is not None and effects != LidarEffects():
             if messages or effects.motion_distortion:
                 self._pipelines[row] = self._pipeline(row, effects, seed)

@@ -160,7 +160,17 @@ def test_of_a_car_that_beams_pass_through_the_box_is_seen_that_the_rules_ask_for
     assert solid > half > open_ == 0
 
 
-def test_a_race_sees_through_cars_as_it_is_told_whether_alone_or_in_a_rollout():
+def test_worlds_of_a_rollout_lose_the_beams_that_their_races_lose(tmp_path):
+    worlds = fg.rollout(
+        "oval[walls=duct,height=0.2,room=3,porosity=0.2]", n=2, laps=1, time_limit=2.0, out=tmp_path,
+        record="telemetry", randomize={"floor_angle": (0.0, 0.2)},
+    )  # fmt: skip
+    for world in range(2):
+        race = fg.race(worlds.setup(world))
+        assert np.array_equal(race.car.telemetry, worlds.telemetry(world), equal_nan=True)
+
+
+def test_a_race_sees_through_cars_as_it_is_told():
     settings = {"opponents": ["gap_finder"], "laps": 1, "start_s": 0.0, "time_limit": 3.0}
     hashes = {share: fg.race("oval", through_cars=share, **settings).trajectory_sha256 for share in (0.0, 0.5, 0.9)}
     assert len(set(hashes.values())) == 3
@@ -182,7 +192,8 @@ def test_a_course_with_such_walls_is_made_again_of_its_numbers_and_a_run_of_it_i
 @each("text", [
     "oval[walls=round]", "oval[height=0]", "oval[height=high]", "oval[walls=duct,thickness=0.1]", "oval[clutter=3]",
     "oval[height=0.2,height=0.3]", "oval[porosity=2]", "oval[gap=-1]", "scene:narrow_gap_150:1[height=0.2]",
-    "oval[room=0.3,clutter=400]", "oval[piece=nan,gap=0.1]", "oval[height=0.2,scale=2]",
+    "oval[room=0.3,clutter=400]", "oval[piece=nan,gap=0.1]", "oval[height=0.2,scale=2]", "oval[wall=duct]",
+    "random:3[gaps=1]", "oval[height=0.2",
 ])  # fmt: skip
 def test_settings_of_walls_that_cannot_be_are_refused_in_a_line(text):
     with pytest.raises(TrackError, match="accepted") as refused:
