@@ -13,7 +13,7 @@ The inner faces stay where the circuit has them: of a duct that is where it is n
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -109,25 +109,17 @@ class Walls:
 
 _NUMBERS = tuple(f.name for f in fields(Walls) if f.name not in ("kind", "height", "thickness"))
 
-SETTINGS = {"walls": "kind"} | {f.name: f.name for f in fields(Walls) if f.name not in ("kind", "seed")} | {
-    "wall_seed": "seed"
-}  # fmt: skip
-"""Settings in the brackets of a course's name -> the fields of Walls."""
+SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "walls": (" or ".join(KINDS), str),
+    **dict.fromkeys(("height", "thickness", "gap", "piece", "room", "room_height"), ("METRES", float)),
+    "porosity": ("NUMBER", float),
+    "clutter": ("NUMBER", int),
+    "wall_seed": ("NUMBER", int),
+}
+"""Settings in the brackets of a circuit's name, as `centreline_csv.read_settings` reads them."""
 
-
-def read_walls(name: str, texts: dict[str, str]) -> Walls:
-    """Return the walls of settings by name, of a course's name; TrackError: one that cannot be."""
-    own: dict[str, Any] = {}
-    for key, text in texts.items():
-        field = SETTINGS[key]
-        try:
-            own[field] = text if field == "kind" else int(text) if field in ("clutter", "seed") else float(text)
-        except ValueError:
-            raise TrackError(f"{name!r}: {key} is {text!r}; accepted: a number") from None
-    try:
-        return Walls(**own)
-    except SettingsError as error:
-        raise TrackError(f"{name!r}: {error}") from error
+FIELDS = {"walls": "kind", "wall_seed": "seed"}
+"""Those of them that are not named as the fields of Walls."""
 
 
 def wall_solids(edges: Sequence[FloatArray], built: Walls) -> tuple[Obstacle, ...]:

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from .. import from_addons
-from ..errors import TrackError, accepted_names, nearest
+from ..errors import SettingsError, TrackError, accepted_names, nearest
 from ..messages import CarParameters
 from ..registry import Registry
 from .course import Course
@@ -70,25 +71,23 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         raise TrackError(f"track {name[:60]!r}... has {len(name)} characters; accepted: {LONGEST_NAME} at most")
     if (match := _OF_CIRCUITS.search(name)) is None:
         return _load(name, car)
-    from .built_walls import SETTINGS as OF_WALLS
-    from .built_walls import read_walls
-    from .ground import SETTINGS as OF_GROUND
-    from .ground import read_relief
+    from . import built_walls, ground
+    from .centreline_csv import read_settings
 
-    texts = [text.partition("=") for text in match[1].split(",")]
-    own = {key: value for key, _, value in texts if key in OF_WALLS or key in OF_GROUND}
-    rest = [text for text in texts if text[0] not in own]
-    if len(own) + len(rest) < len(texts):
-        raise TrackError(f"{name!r} has a setting twice; accepted: each once")
-    of_file = ",".join("".join(text) for text in rest)
-    course = _load(name[: match.start()] + (f"[{of_file}]" if rest else ""), car)
+    texts = match[1].split(",")
+    own: dict[str, Any] = {}
+    for field, room, make in (("built", built_walls, built_walls.Walls), ("relief", ground, ground.Relief)):
+        told = [text for text in texts if text.partition("=")[0] in room.SETTINGS]
+        texts = [text for text in texts if text not in told]
+        settings = read_settings(name, ",".join(told), room.SETTINGS)
+        try:
+            own[field] = make(**{room.FIELDS.get(key, key): value for key, value in settings.items()}) if told else None
+        except SettingsError as error:
+            raise TrackError(f"{name!r}: {error}") from error
+    course = _load(name[: match.start()] + (f"[{','.join(texts)}]" if texts else ""), car)
     if not isinstance(course, Track):
-        raise TrackError(f"{name!r} has settings of walls or ground ({', '.join(own)}); accepted: those of a circuit")
-    walls, ground = ({key: text for key, text in own.items() if key in of} for of in (OF_WALLS, OF_GROUND))
-    return replace(
-        course, name=name, built=read_walls(name, walls) if walls else None,
-        relief=read_relief(name, ground) if ground else None,
-    )  # fmt: skip
+        raise TrackError(f"{name!r} has settings of walls or ground; accepted: those of a circuit")
+    return replace(course, name=name, **own)
 
 
 def _load(name: str, car: CarParameters) -> Course:

@@ -10,9 +10,9 @@ terrain.hpp), and all that stands on the circuit stands on it. Heights are over 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from .. import portable
 from ..arguments import explain_class
 from ..errors import SettingsError, TrackError, accepted_names
 from ..messages import FloatArray, read_only, require, require_whole, shown
+from .files import read_bytes
 from .polyline import cross, is_inside, step_lengths, steps, subdivide
 
 ROUGHNESS = {"": 0.0, "A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}
@@ -115,32 +116,29 @@ class Relief:
         )  # fmt: skip
 
 
-SETTINGS = (*(f.name for f in fields(Relief) if f.name != "seed"), "ground_seed")
-"""Settings in the brackets of a course's name; of `heights` it is a file."""
-
-
-def read_relief(name: str, texts: Mapping[str, str]) -> Relief:
-    """Return the relief of settings by name, of a course's name; TrackError: one that cannot be."""
-    own: dict[str, Any] = {}
-    for key, text in texts.items():
-        try:
-            if key == "heights":
-                own[key] = np.load(Path(text), allow_pickle=False).astype(np.float64)
-            elif key == "corner":
-                x, y = text.split(":")
-                own[key] = float(x), float(y)
-            else:
-                own[key.removeprefix("ground_")] = (
-                    text if key == "roughness" else int(text) if key == "ground_seed" else float(text)
-                )
-        except (OSError, ValueError, EOFError) as error:
-            accepted = {"heights": "a .npy file of heights [m]", "corner": "X:Y [m]"}.get(key, "a number")
-            why = f" ({' '.join(str(error).split())})" if key == "heights" else ""
-            raise TrackError(f"{name!r}: {key} is {text!r}{why}; accepted: {accepted}") from None
+def _read_heights(path: str) -> FloatArray:
+    """Return the heights of a .npy file; ValueError: it has none."""
     try:
-        return Relief(**own)
-    except SettingsError as error:
-        raise TrackError(f"{name!r}: {error}") from error
+        return np.asarray(np.load(BytesIO(read_bytes(path)), allow_pickle=False), np.float64)
+    except (OSError, EOFError, MemoryError, TypeError) as error:
+        raise ValueError(f"{path} has no heights") from error
+
+
+def _read_point(text: str) -> tuple[float, float]:
+    x, y = map(float, text.split(":"))
+    return x, y
+
+
+SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "bank": ("DEGREES", float), "ramp": ("DEGREES", float), "crest": ("METRES", float),
+    "roughness": (", ".join(filter(None, ROUGHNESS)), str), "ground_seed": ("NUMBER", int),
+    "heights": ("FILE.npy of heights in metres", _read_heights), "cell": ("METRES", float),
+    "corner": ("X:Y", _read_point),
+}  # fmt: skip
+"""Settings in the brackets of a circuit's name, as `centreline_csv.read_settings` reads them."""
+
+FIELDS = {"ground_seed": "seed"}
+"""Those of them that are not named as the fields of Relief."""
 
 
 @explain_class
