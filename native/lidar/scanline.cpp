@@ -330,7 +330,8 @@ void scan(const Scene& scene, const Scratch& scratch, Numbers position, Matrix r
     }
     if (optics.glancing > 0.0) [[unlikely]]
         for (int plane = scene.frames[0][2]; plane < scene.frames[0][3]; ++plane)
-            lose_glancing(scene.planes[plane], Pose(scratch.poses[0]), scene.beams, scene.range_max(), out, optics.glancing);
+            lose_glancing(scene.planes[plane], Pose(scratch.poses[0]), scene.beams, scene.range_max(), out,
+                          optics.glancing);
     write_readings(scene.range_min(), scene.range_max(), out);
 }
 

@@ -2,6 +2,8 @@
 // over the ground.
 #include "clear_ground.hpp"
 
+#include <array>
+
 #include "../core/numbers.hpp"
 #include "../core/transcendental.hpp"
 
@@ -36,13 +38,19 @@ Span cells(double low, double high, std::int64_t count) {
     return {max(std::int64_t{whole(low / cell)}, std::int64_t{0}), min(std::int64_t{whole(high / cell)} + 2, count)};
 }
 
-// Return the position from above of a point so far ahead of the middle of a car's hull [m].
-Point place(Numbers qpos, std::int64_t q, const Body& body, double along) {
+// Return where a point of a car is, of which the place from its base is given [m].
+std::array<double, 3> placed(Numbers qpos, std::int64_t q, double a, double b, double c) {
     const double w = qpos[q + 3], x = qpos[q + 4], y = qpos[q + 5], z = qpos[q + 6];
-    const double a = body.middle[0] + along, b = body.middle[1], c = body.middle[2];
     const double forward = a * (1.0 - 2.0 * (y * y + z * z)) + 2.0 * (b * (x * y - w * z) + c * (x * z + w * y));
     const double left = b * (1.0 - 2.0 * (x * x + z * z)) + 2.0 * (a * (x * y + w * z) + c * (y * z - w * x));
-    return {qpos[q] + forward, qpos[q + 1] + left};
+    const double up = c * (1.0 - 2.0 * (x * x + y * y)) + 2.0 * (a * (x * z - w * y) + b * (y * z + w * x));
+    return {qpos[q] + forward, qpos[q + 1] + left, qpos[q + 2] + up};
+}
+
+// Return the position from above of a point so far ahead of the middle of a car's hull [m].
+Point place(Numbers qpos, std::int64_t q, const Body& body, double along) {
+    const auto [x, y, z] = placed(qpos, q, body.middle[0] + along, body.middle[1], body.middle[2]);
+    return {x, y};
 }
 
 // Return at least how far a point is from what stands [m], by the best of four cells around it; NaN: no point.
@@ -64,17 +72,12 @@ double distance(const ClearGround& clear, Point point) {
 // Return whether the underside of a car's hull is over the terrain, at its corners and half way along its sides.
 bool is_over(const Terrain& terrain, Numbers qpos, std::int64_t q, const Body& body) {
     constexpr double bulge = 0.02;  // [m] of ground between two of these places: of a radius of 1 m or more
-    const double w = qpos[q + 3], x = qpos[q + 4], y = qpos[q + 5], z = qpos[q + 6];
-    const double xx = x * x, yy = y * y, zz = z * z;
     for (const double ahead : {-1.0, 0.0, 1.0})
         for (const double left : {-1.0, 1.0}) {
-            const double a = body.middle[0] + ahead * body.half_side[0], b = body.middle[1] + left * body.half_side[1];
-            const double c = body.middle[2] - body.half_side[2];
-            const double off_x = a * (1.0 - 2.0 * (yy + zz)) + 2.0 * (b * (x * y - w * z) + c * (x * z + w * y));
-            const double off_y = b * (1.0 - 2.0 * (xx + zz)) + 2.0 * (a * (x * y + w * z) + c * (y * z - w * x));
-            const double off_z = c * (1.0 - 2.0 * (xx + yy)) + 2.0 * (a * (x * z - w * y) + b * (y * z + w * x));
-            const double height = terrain.at(qpos[q] + off_x, qpos[q + 1] + off_y).height;
-            if (!(qpos[q + 2] + off_z > height + bulge)) return false;
+            const auto [x, y, z] = placed(qpos, q, body.middle[0] + ahead * body.half_side[0],
+                                          body.middle[1] + left * body.half_side[1],
+                                          body.middle[2] - body.half_side[2]);
+            if (!(z > terrain.at(x, y).height + bulge)) return false;
         }
     return true;
 }

@@ -125,9 +125,9 @@ RACES = {
 
 @each("door", RACES)
 def test_a_race_of_one_car_loads_what_it_has_and_no_more(door):
-    fg.race("oval", time_limit=0.05)  # it keeps what it reads and makes of the course
-    code = [sys.executable, "-c", f"import sys; {RACES[door]}; print(*sys.modules)"]
-    loaded = subprocess.run(code, capture_output=True, text=True, check=True).stdout.split()
+    for _ in range(2):  # the first keeps what it reads and makes of the course
+        code = [sys.executable, "-c", f"import sys; {RACES[door]}; print(*sys.modules)"]
+        loaded = subprocess.run(code, capture_output=True, text=True, check=True).stdout.split()
     assert "fg_mujoco.racing.race" in loaded and (door != "Python" or "fg_mujoco.cli" not in loaded)
     found = [name for name in loaded for room in LOADS_NOTHING_OF if f"{name}.".startswith(f"fg_mujoco.{room}.")]
     assert found == [] and SLOW.isdisjoint(loaded)
