@@ -64,4 +64,6 @@ def test_a_script_that_starts_processes_as_it_is_imported_is_told(tmp_path):
     run = subprocess.run(
         [sys.executable, "script.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60
     )
-    assert "before it began; accepted: a script that calls this under `if __name__" in run.stderr.splitlines()[-1]
+    errors = [line for line in run.stderr.splitlines() if line.startswith("fg_mujoco.errors.EngineError")]
+    assert "before it began; accepted: a script that calls this under `if __name__" in errors[-1]
+    # after it, Python may warn of semaphores: of the other worker, when it is ended while it imports the script
