@@ -170,6 +170,12 @@ def race_table(result: RaceResult, out: str | None) -> str:
         rows.insert(1, ("crash", str(car.crash)))
     if car.rollover is not None:
         rows.insert(1, ("rolled over", str(car.rollover)))
+    if car.stuck is not None:
+        rows.insert(1, ("stuck", str(car.stuck)))
+    if car.jumps:
+        longest = max(car.jumps, key=lambda jump: jump.lasted_s)
+        count = f"{len(car.jumps)} times, the longest " if len(car.jumps) > 1 else ""
+        rows.insert(1, ("jumped", f"{count}{longest}"))
     if car.end_reason == "decision_limit":
         rows.insert(1, ("decision limit", decision_limit_text(result.setup.decision_limit, result.sim_time_s)))
     rows += written_rows(out)
@@ -195,7 +201,7 @@ def _field_table(result: RaceResult) -> list[str]:
         return lines
     for car in sorted(result.cars, key=lambda car: car.position):
         best = f"best {min(car.lap_times_s):.2f} s" if car.lap_times_s else "no lap"
-        said = str(car.crash or car.wrong_way or car.planner_failure or car.end_reason.replace("_", " "))
+        said = str(car.crash or car.wrong_way or car.planner_failure or car.stuck or car.end_reason.replace("_", " "))
         touched = f"{car.collisions_car} contact{'s' if car.collisions_car != 1 else ''}"
         name = with_settings(car.controller, car.planner_settings)
         lines.append(f"  {car.position}. {car.name:<8} {name}: {car.laps_completed} laps, {best}, {touched}, {said}")

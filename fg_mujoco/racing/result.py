@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..simulation.world import World
     from .crash import Crash, Rollover
     from .entries import Entry
+    from .off_the_wheels import Jump, Stuck
     from .rules import Contact, Overtake, Restart, Warned
     from .setup import Setup
 
@@ -58,6 +59,8 @@ class CarResult(Suggesting):
     end_time_s: float  # when its race was over; the others' may have gone on
     wrong_way: WrongWay | None  # where the car turned; None: its race did not end by going the wrong way
     crash: Crash | None  # into what, where, when, how fast; None: its race did not end in a crash
+    jumps: tuple[Jump, ...]  # each time that no wheel touched the ground for a tenth of a second
+    stuck: Stuck | None  # where its chassis rests on the ground; None: its race did not end without progress, and so
     planner_failure: PlannerFailure | None  # where and why the planner failed; None: it did not
     last_decision: tuple[DecisionStep, ...]  # what each step made of the last command, as the planner tells it
     collisions_wall: int  # with walls and obstacles
@@ -169,6 +172,8 @@ class CarResult(Suggesting):
             return str(self.crash or f"wrong way: {self.wrong_way}")
         if self.rollover is not None:
             return f"rolled over {self.rollover}"
+        if self.stuck is not None:
+            return f"stuck {self.stuck}"
         return "no collision" if self.finished else f"ended by {self.end_reason}"
 
     def column(self, name: str) -> FloatArray:
@@ -184,6 +189,7 @@ class CarResult(Suggesting):
         values = {name: getattr(self, name) for name in _OF_A_CAR}
         for name in ("wrong_way", "crash", "decision_times", "lidar_effects", "start"):
             values[name] = None if values[name] is None else asdict(values[name])
+        values |= {"stuck": None if self.stuck is None else asdict(self.stuck), "jumps": [*map(asdict, self.jumps)]}
         values["last_decision"] = [step._asdict() for step in self.last_decision]
         failure = self.planner_failure
         sensors = {"sensors": [sensor.described() for sensor in self.entry.sensed]} if self.entry.sensed else {}
@@ -193,8 +199,8 @@ class CarResult(Suggesting):
 _OF_A_CAR = (
     "name", "position", "vehicle", "vehicle_sha256", "tires", "tires_model", "tires_sha256", "controller",
     "controller_origin", "assist", "laps_completed", "lap_times_s", "finished", "end_reason", "end_time_s",
-    "wrong_way", "crash", "planner_failure", "last_decision", "collisions_wall", "collisions_car", "max_slide_m_s",
-    "max_lateral_slide_m_s",
+    "wrong_way", "crash", "jumps", "stuck", "planner_failure", "last_decision", "collisions_wall", "collisions_car",
+    "max_slide_m_s", "max_lateral_slide_m_s",
     "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "decision_times", "clamped_commands", "seed", "mu",
     "floor", "planner_mu", "speed_limit_m_s", "lidar_effects", "odometry_drift", "planner_settings", "start",
 )  # fmt: skip
@@ -401,7 +407,8 @@ def trajectory_sha256(states: FloatArray, ctrl: FloatArray) -> str:
 
 
 COURSE_FIGURES = (
-    "laps_completed", "lap_times_s", "finished", "end_reason", "wrong_way", "crash", "track", "obstacles"
+    "laps_completed", "lap_times_s", "finished", "end_reason", "wrong_way", "crash", "jumps", "stuck", "track",
+    "obstacles",
 )  # fmt: skip
 """Names of `course_figures` and `track_figures`."""
 
@@ -458,6 +465,16 @@ def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> dict
     if reason == "wrong_way":
         time, speed = (trajectory["telemetry"][:, column_index(name)] for name in ("time_s", "vx_m_s"))
         wrong_way = WrongWay.of(timer, course.length, laps, float(speed[time >= timer["furthest_time"]].mean()))
+    jumps: tuple[Jump, ...] = ()
+    stuck = None
+    telemetry, loads = trajectory["telemetry"], column_index(f"load_{WHEELS[0]}_N")
+    flies = ~(telemetry[:, loads : loads + len(WHEELS)] > 0.0).any(axis=1)  # nor is NaN
+    if flies.any() or reason == "no_progress":
+        from .off_the_wheels import jumps_of, stuck_of
+
+        jumps = jumps_of(telemetry)
+        if reason == "no_progress":
+            stuck = stuck_of(world, telemetry, trajectory["states"][-1], row)
     lap_times = tuple(monitor.lap_times[row, : int(timer["laps_completed"])].tolist())
     return {
         "laps_completed": len(lap_times),
@@ -466,4 +483,6 @@ def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> dict
         "end_reason": reason,
         "wrong_way": wrong_way,
         "crash": crash,
+        "jumps": jumps,
+        "stuck": stuck,
     }

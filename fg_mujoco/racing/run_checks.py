@@ -26,6 +26,7 @@ from ..simulation.termination import WrongWay
 from .crash import Crash
 from .decision_times import DecisionTimes
 from .entries import GRIDS
+from .off_the_wheels import Jump, Stuck
 from .rules import RULES, Contact, Overtake, Restart, Warned
 
 _GREATEST = 1e9  # of the numbers in a summary
@@ -125,6 +126,7 @@ _KINDS: dict[str, Any] = {
     "finished": bool, "planner_settings": dict, "lap_times_s": tuple[float, ...],
     "overtakes": tuple[Overtake, ...], "contacts": tuple[Contact, ...], "warnings": tuple[Warned, ...],
     "restarts": tuple[Restart, ...], "decision_times": DecisionTimes, "wrong_way": WrongWay, "crash": Crash,
+    "jumps": tuple[Jump, ...], "stuck": Stuck,
 }  # fmt: skip
 """Entries of a summary by name: the type whose values a race writes. Each may be null or missing."""
 

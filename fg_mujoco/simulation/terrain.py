@@ -20,7 +20,9 @@ TERRAIN = "terrain"
 SEEN = "terrain_seen"
 """Name of the geom that beams and pictures see."""
 
-_BODIES = "terrain_for_bodies"
+BODIES = "terrain_for_bodies"
+"""Name of the geom that bodies meet."""
+
 _COARSE = 0.1  # [m] of a cell that bodies meet; on finer ones a box on level ground turns over
 _SEEN_CELL = 0.2  # [m] at least, of the mesh
 _BASE = 0.5  # [m] of ground below the lowest place
@@ -36,7 +38,7 @@ def add_terrain(spec: Any, ground: Ground) -> None:
     if ground.flat:
         return
     coarse = _coarser(ground, _COARSE)
-    _add_field(spec, _BODIES, coarse, TERRAIN if coarse.cell == ground.cell else "")
+    _add_field(spec, BODIES, coarse, TERRAIN if coarse.cell == ground.cell else "")
     vertices, faces = _mesh(_coarser(ground, _SEEN_CELL))
     mesh = spec.add_mesh(name=SEEN, uservert=vertices.ravel(), userface=faces.ravel())
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it has no volume
@@ -49,7 +51,7 @@ def stand_on_terrain(spec: Any) -> None:
     """Let what the level ground of a world's cars stops stand on its terrain, and hide the level ground, in place."""
     for pair in spec.pairs:
         if pair.geomname2.endswith("ground") and not pair.name.endswith("_tire"):
-            pair.geomname2 = _BODIES
+            pair.geomname2 = BODIES
     for geom in spec.geoms:
         if geom.name.endswith("/ground"):
             geom.material, geom.rgba, geom.group, geom.contype, geom.conaffinity = "", _INVISIBLE, _HIDDEN_GROUP, 0, 0

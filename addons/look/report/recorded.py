@@ -14,7 +14,9 @@ import numpy as np
 from fg_mujoco.course.moving_obstacles import moving_obstacles
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.native import core
 from fg_mujoco.racing.crash import Crash, Rollover
+from fg_mujoco.racing.off_the_wheels import Jump, Stuck
 from fg_mujoco.racing.planners import with_settings
 from fg_mujoco.racing.resimulation import load_world
 from fg_mujoco.racing.result import RaceResult
@@ -23,6 +25,7 @@ from fg_mujoco.racing.summary import summary_json
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.termination import WrongWay
+from fg_mujoco.simulation.terrain import TERRAIN
 from fg_mujoco.vehicle.car import WHEELS, car_parameters
 from fg_mujoco.vehicle.tires import CONTACT
 
@@ -93,6 +96,13 @@ class RecordedRun:
         """Where the car rolled over; None: the race did not end so, or was one of several cars."""
         return None if self.others else Rollover.of(self.summary["end_reason"], self.telemetry)
 
+    @property
+    def off_the_wheels(self) -> list[str]:
+        """Sentences of where the car jumped, and where its chassis rests on the ground."""
+        stuck, jumps = self.summary.get("stuck"), self.summary.get("jumps") or []
+        told = [f"Jumped {Jump(**jump)}." for jump in jumps]
+        return told if stuck is None else [*told, f"Stuck {Stuck(**stuck)}."]
+
     @cached_property
     def car(self) -> CarParameters:
         """Of the car that was raced."""
@@ -136,7 +146,8 @@ def tick_columns(run: RecordedRun) -> dict[str, FloatArray]:
 
     Besides those of the telemetry, with its names: `distance_m` that the rear axle drove, `limit_speed_m_s` of the law,
     `friction_utilisation` and `slide_m_s` of the tire with the greatest, `acceleration_ahead_m_s2` and
-    `acceleration_left_m_s2`.
+    `acceleration_left_m_s2`. On ground with heights also `ground_m`, its height under the middle of the rear axle, and
+    the loads of the wheels, 0 off the ground.
     """
     own = (
         "time_s", "lap", "progress_m", "offset_m", "x_m", "y_m", "heading_rad", "speed_m_s", "yaw_rate_rad_s",
@@ -155,6 +166,10 @@ def tick_columns(run: RecordedRun) -> dict[str, FloatArray]:
         columns["slide_m_s"], columns["sliding_steps"] = np.full((2, len(columns["steps"])), np.nan)
     ahead, left = accelerations(columns["time_s"], columns["speed_m_s"], columns["yaw_rate_rad_s"])
     columns["acceleration_ahead_m_s2"], columns["acceleration_left_m_s2"] = ahead, left
+    if mujoco.mj_name2id(run.model, mujoco.mjtObj.mjOBJ_GEOM, TERRAIN) >= 0:
+        places = zip(columns["x_m"].tolist(), columns["y_m"].tolist(), strict=True)
+        columns["ground_m"] = np.array([core.surface_at(run.model._address, x, y)[0] for x, y in places])
+        columns |= {f"load_{wheel}_N": np.nan_to_num(run.column(f"load_{wheel}_N")) for wheel in WHEELS}
     return columns
 
 

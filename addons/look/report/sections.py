@@ -63,6 +63,7 @@ def head(run: RecordedRun, notes: Sequence[object]) -> Html:
     failure = [] if run.planner_failure is None else [_failure(run.planner_failure)]
     marked = (("Wrong way:", run.wrong_way), ("Crash:", run.crash), ("Rolled over", run.rollover))
     said = [f"{word} {each}. The map marks the place with a cross." for word, each in marked if each is not None]
+    said += run.off_the_wheels
     if summary["end_reason"] == "decision_limit":
         said.append(f"Decision limit: {decision_limit_text(summary['decision_limit_s'], run.end)}.")
     if planned:

@@ -80,6 +80,15 @@ def time_plots(
     mark(sliding, [slides_above(model)], "width", ALERT)
 
     panels = [speed, steering, friction, sliding]
+    if "ground_m" in columns:
+        loads = [f"load_{wheel}_N" for wheel in WHEELS]
+        lowest, highest = (float(bound) for bound in (columns["ground_m"].min(), columns["ground_m"].max()))
+        height = _panel("ground [m]", across, (lowest - 0.05, highest + 0.05))
+        _line(height, ticks, "ground_m", CAR, "height of the ground under the rear axle", width=2.0)
+        load = _panel("load [N]", across, (0.0, max(1.0, 1.05 * max(float(columns[name].max()) for name in loads))))
+        for wheel, colour in zip(WHEELS, TIRE_COLOURS, strict=True):
+            _line(load, ticks, f"load_{wheel}_N", colour, wheel.replace("_", " "))
+        panels += [height, load]
     ends = np.cumsum(lap_times)
     distances = np.interp(ends, columns["time_s"], columns["distance_m"]) if len(ends) else ends
     for panel in panels:

@@ -13,7 +13,14 @@ from fg_mujoco.addons.arena.race_control.race_control import standings
 from fg_mujoco.addons.look.report.clip import clip_of_several, clip_start
 from fg_mujoco.addons.look.report.field import Field
 from fg_mujoco.addons.look.report.laps_and_slides import SlideEvent, lap_table, slide_events
-from fg_mujoco.addons.look.report.recorded import SPEED_FAR_ABOVE, accelerations, limit_speed, map_shapes, read_recorded
+from fg_mujoco.addons.look.report.recorded import (
+    SPEED_FAR_ABOVE,
+    accelerations,
+    limit_speed,
+    map_shapes,
+    read_recorded,
+    tick_columns,
+)
 from fg_mujoco.simulation.cars import car_colour, car_colour_hex
 from fg_mujoco.vehicle.car import WHEELS, car_parameters
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
@@ -256,3 +263,20 @@ def test_a_roll_over_is_said_and_marked_on_the_map(tmp_path):
     rolled = fg.race("oval", swerves, tires="coulomb", mu=1.3, changes=tall, start=fg.Start(speed=7.0, offset=-0.5))
     page = write_report(rolled, tmp_path / "page.html", clip_seconds=None).read_text("utf-8")
     assert f"Rolled over {rolled.car.rollover}. The map marks the place with a cross." in page
+
+
+def test_height_of_the_ground_loads_and_jumps_are_shown(tmp_path):
+    pytest.importorskip("bokeh")
+    from fg_mujoco.addons.look.report import write_report
+
+    before = fg.Start(s=20.5, speed=5.0)
+    jumps = fg.race("oval[crest=0.5]", driven(lambda odometry: (0.0, 5.0)), start=before, time_limit=2.5)
+    (jump,) = jumps.car.jumps
+    columns = tick_columns(read_recorded(jumps))
+    assert columns["ground_m"].max() == pytest.approx(0.5, abs=0.01) and columns["ground_m"][0] == 0.0
+    flies = columns["time_s"] == jump.time_s
+    assert sum(columns[f"load_{wheel}_N"] for wheel in WHEELS)[flies] == 0.0
+    page = write_report(jumps, tmp_path / "page.html", clip_seconds=None).read_text("utf-8")
+    assert f"Jumped {jump}." in page and "ground [m]" in page and "load [N]" in page
+    level = write_report(fg.race("oval", time_limit=0.2), tmp_path / "level.html", clip_seconds=None)
+    assert "ground [m]" not in level.read_text("utf-8")
