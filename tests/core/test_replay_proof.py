@@ -24,7 +24,7 @@ from vehicle_worlds import made_file
 TELLTALE = (
     "max_slide_m_s", "max_lateral_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "collisions",
     "sim_time_s", "mu", "trajectory_sha256", "track", "obstacles", "laps_completed", "lap_times_s", "finished",
-    "end_reason", "wrong_way", "crash", "cars", *EVENTS,
+    "end_reason", "wrong_way", "crash", "jumps", "stuck", "cars", *EVENTS,
 )  # fmt: skip
 """The figures that a replay is to prove."""
 
@@ -142,7 +142,10 @@ SLID = {f"slid_{wheel}_s": 0.0 for wheel in WHEELS}
 CRASH = PLACE | SLID | {"into": "obstacle 0", "geom": "obstacle_0", "speed_m_s": 1.0, "sideslip_rad": 0.0}
 RECORDS = {"wrong_way": PLACE | {"speed_m_s": 1.0}, "crash": CRASH}
 CONTACT = {"impulse_Ns": 1.0, "closing_speed_m_s": 1.0, "displacement_m": 0.0, "x_m": 0.0, "y_m": 0.0}
+FLIGHT = {"time_s": 1.0, "lasted_s": 0.2, "x_m": 0.0, "y_m": 0.0, "speed_m_s": 1.0, "lap": 1, "landing_load_N": None}
 RECORDS |= {
+    "jumps": [FLIGHT],
+    "stuck": {"x_m": 0.0, "y_m": 0.0, "lap": 1, "carried": 0.5},
     "overtakes": [{"time_s": 1.0, "by": "car_0", "of": "car_1", "s_m": 1.0}],
     "contacts": [{"time_s": 1.0, "cars": ["car_0", "car_1"], "at_fault": "car_0", "reason": "", **CONTACT}],
     "warnings": [{"time_s": 1.0, "car": "car_0", "reason": "contact"}],
