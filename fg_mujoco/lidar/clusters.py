@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..messages import FloatArray
 
-CLUSTER_TRIANGLES = 80  # at most
+CLUSTER_TRIANGLES = 64  # at most
+_HEIGHT_WEIGHT = 64.0  # of a distance upwards against one aside: a level scan plane misses what is all below or above
 _TURN_LENGTH = 1.0  # [m] of distance that counts as much as 1 rad between the normals of two faces
 _LANES = 8  # a cluster's edges are filled up to a multiple of the numbers that one machine instruction works on
 _LEAST_AREA = 1e-15  # [m^2] mjMINVAL: MuJoCo's rays pass through smaller triangles
@@ -40,7 +41,10 @@ def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Cluster
     doubled_areas = np.linalg.norm(normals, axis=1)
     solid = doubled_areas > _LEAST_AREA
     corners, normals = corners[solid], normals[solid] / doubled_areas[solid, None]
-    members = _split(np.hstack((places[corners].mean(axis=1), _TURN_LENGTH * normals)))
+    at = places[corners]
+    heights = 0.5 * (at[:, :, 2].min(axis=1) + at[:, :, 2].max(axis=1))  # the same for both halves of an upright face
+    features = (at[:, :, :2].mean(axis=1), _HEIGHT_WEIGHT * heights, _TURN_LENGTH * normals)
+    members = _split(np.column_stack(features))
     cluster = np.repeat(np.arange(len(members)), [len(ids) for ids in members])
     corners = corners[np.concatenate([np.empty(0, np.intp), *members])]
 
