@@ -89,10 +89,11 @@ def test_what_stands_in_the_hall_is_off_the_road_and_within_the_hall():
 
 def braking(world):
     """The data of a world whose car brakes at .6 g from 6 m/s."""
-    result = fg.race(
-        world.track, lambda scan, odometry: fg.DriveCommand(steering_angle=0.0, speed=6.0 - 0.6 * 9.81 * odometry.stamp),
-        start=fg.Start(s=2.0, speed=6.0), time_limit=0.8,
-    )  # fmt: skip
+
+    def brakes(scan, odometry):
+        return fg.DriveCommand(steering_angle=0.0, speed=6.0 - 0.6 * 9.81 * odometry.stamp)
+
+    result = fg.race(world.track, brakes, start=fg.Start(s=2.0, speed=6.0), time_limit=0.8)
     assert result.car.column("ax_m_s2")[-1] == pytest.approx(-0.6 * 9.81, rel=0.1)
     engine, data = Engine(result.world), mujoco.MjData(world.model)
     engine.load(result.states[-1])
