@@ -133,7 +133,7 @@ _NAMES: Registry[Any] = Registry("names", SettingsError, own={
         "track": "course.formats:course_names", "controller": "racing.planners:controller_names",
         "vehicle": "vehicle.vehicle:vehicle_names", "tires": "vehicle.tires:tire_names",
         "moving": "course.moving_obstacles:KINDS_THAT_MOVE",
-        "lidar": "lidar.lidar:LIDAR_BACKENDS",
+        "lidar": "lidar.lidar:LIDARS",
         "sensors": "vehicle.sensors:SENSORS", "opponents": "racing.planners:controller_names",
         "grid": "racing.entries:GRIDS", "rules": "racing.rules:RULES",
     }.items()

@@ -32,21 +32,19 @@ class Clusters:
     spans: NDArray[np.int32]  # (b, 4) first edge, behind the last edge, first triangle, behind the last triangle
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VertexClusters:
+    """The clusters of one frame, by their vertices, which point_cloud.cpp wants."""
+
+    vertices: FloatArray  # (3, v) [m] those of a cluster in the order of their coordinates
+    triangles: NDArray[np.uint16]  # (t, 3) ascending vertices of each triangle, counted from the first of its cluster
+    boxes: FloatArray  # (7, b) [m] as of Clusters
+    spans: NDArray[np.int32]  # (b, 4) first vertex, behind the last vertex, first triangle, behind the last triangle
+
+
 def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Clusters:
     """Return the clusters of `triangles` (t, 3), indices of `vertices` (v, 3) [m]."""
-    places, index = _distinct_rows(vertices + 0.0)  # in the order of x, y, z; -0.0 is 0.0
-    corners = index[triangles.reshape(-1, 3)]
-    sides = places[corners[:, 1:]] - places[corners[:, :1]]
-    normals = np.cross(sides[:, 0], sides[:, 1])
-    doubled_areas = np.linalg.norm(normals, axis=1)
-    solid = doubled_areas > _LEAST_AREA
-    corners, normals = corners[solid], normals[solid] / doubled_areas[solid, None]
-    at = places[corners]
-    heights = 0.5 * (at[:, :, 2].min(axis=1) + at[:, :, 2].max(axis=1))  # the same for both halves of an upright face
-    features = (at[:, :, :2].mean(axis=1), _HEIGHT_WEIGHT * heights, _TURN_LENGTH * normals)
-    members = _split(np.column_stack(features))
-    cluster = np.repeat(np.arange(len(members)), [len(ids) for ids in members])
-    corners = corners[np.concatenate([np.empty(0, np.intp), *members])]
+    places, corners, cluster, first_triangle = _clustered(vertices, triangles, _HEIGHT_WEIGHT)
 
     # Each edge once in each cluster; the upright ones first, because a level scan plane cuts those.
     ends = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
@@ -55,9 +53,7 @@ def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Cluster
     lying = np.hypot(along[:, 0], along[:, 1]) > np.abs(along[:, 2])
     order = np.lexsort((edges[:, 2], edges[:, 1], lying, edges[:, 0]))
     edges, rank = edges[order], np.argsort(order)
-    numbers = np.arange(len(members))
-    bounds = np.append(numbers, len(members))
-    first_edge, first_triangle = (np.searchsorted(of, bounds) for of in (edges[:, 0], cluster))
+    first_edge = np.searchsorted(edges[:, 0], np.arange(len(first_triangle)))
     of_triangle = np.sort(rank[of_triangle.reshape(-1, 3)], axis=1) - first_edge[cluster][:, None]
 
     # Fill up with edges of no length, which no plane cuts.
@@ -68,16 +64,52 @@ def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Cluster
     slot = np.arange(len(edges)) + np.repeat(filled[:-1] - first_edge[:-1], counts)
     stored[:, slot] = np.hstack((places[edges[:, 1]], places[edges[:, 2]])).T
 
-    at = places[corners]
-    starts = first_triangle[:-1]
-    low, high = np.minimum.reduceat(at.min(axis=1), starts), np.maximum.reduceat(at.max(axis=1), starts)
-    centre, half = 0.5 * (low + high), 0.5 * (high - low)
     return Clusters(
         edges=stored,
         triangles=of_triangle.astype(np.uint16),
-        boxes=np.vstack((centre.T, half.T, np.linalg.norm(half, axis=1))),
-        spans=np.column_stack((filled[:-1], filled[1:], starts, first_triangle[1:])).astype(np.int32),
+        boxes=_boxes(places[corners], first_triangle[:-1]),
+        spans=np.column_stack((filled[:-1], filled[1:], first_triangle[:-1], first_triangle[1:])).astype(np.int32),
     )
+
+
+def make_vertex_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> VertexClusters:
+    """Return the clusters of `triangles` (t, 3), indices of `vertices` (v, 3) [m], by their vertices."""
+    places, corners, cluster, first_triangle = _clustered(vertices, triangles, 1.0)
+    own, of_triangle = _distinct_rows(np.column_stack((np.repeat(cluster, 3), np.sort(corners, axis=1).ravel())))
+    first = np.searchsorted(own[:, 0], np.arange(len(first_triangle)))
+    return VertexClusters(
+        vertices=np.ascontiguousarray(places[own[:, 1]].T),
+        triangles=(of_triangle.reshape(-1, 3) - first[cluster][:, None]).astype(np.uint16),
+        boxes=_boxes(places[corners], first_triangle[:-1]),
+        spans=np.column_stack((first[:-1], first[1:], first_triangle[:-1], first_triangle[1:])).astype(np.int32),
+    )
+
+
+def _clustered(
+    vertices: FloatArray, triangles: NDArray[np.int32], height_weight: float
+) -> tuple[FloatArray, Any, Any, Any]:
+    """Return places (v, 3), corners (t, 3) among them, cluster (t,) of each triangle, and first of each and behind."""
+    places, index = _distinct_rows(vertices + 0.0)  # in the order of x, y, z; -0.0 is 0.0
+    corners = index[triangles.reshape(-1, 3)]
+    sides = places[corners[:, 1:]] - places[corners[:, :1]]
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    doubled_areas = np.linalg.norm(normals, axis=1)
+    solid = doubled_areas > _LEAST_AREA
+    corners, normals = corners[solid], normals[solid] / doubled_areas[solid, None]
+    at = places[corners]
+    heights = 0.5 * (at[:, :, 2].min(axis=1) + at[:, :, 2].max(axis=1))  # the same for both halves of an upright face
+    features = (at[:, :, :2].mean(axis=1), height_weight * heights, _TURN_LENGTH * normals)
+    members = _split(np.column_stack(features))
+    cluster = np.repeat(np.arange(len(members)), [len(ids) for ids in members])
+    corners = corners[np.concatenate([np.empty(0, np.intp), *members])]
+    return places, corners, cluster, np.searchsorted(cluster, np.arange(len(members) + 1))
+
+
+def _boxes(at: FloatArray, starts: NDArray[np.intp]) -> FloatArray:
+    """Return the boxes (7, b) around triangles (t, 3, 3) from each start on."""
+    low, high = np.minimum.reduceat(at.min(axis=1), starts), np.maximum.reduceat(at.max(axis=1), starts)
+    centre, half = 0.5 * (low + high), 0.5 * (high - low)
+    return np.vstack((centre.T, half.T, np.linalg.norm(half, axis=1)))
 
 
 def _distinct_rows(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.intp]]:

@@ -27,6 +27,10 @@ from .body_poses import BodyPoses, Mount, state_arrays
 from .visible_surfaces import ScanlineScene, is_scanline
 
 LIDAR_BACKENDS = ("raycast", "rangefinder")
+MID360 = "mid360"
+"""In place of a back end: `raycast`, and the sensor of this name on car 0."""
+LIDARS = (*LIDAR_BACKENDS, MID360)
+"""What a race's `lidar` accepts."""
 
 
 class Lidar(Protocol):

@@ -108,13 +108,13 @@ class ScanlineScene:
     """
 
     def __init__(self, model: Any, beams: Beams, carrier: int | None) -> None:
-        surfaces = _surfaces(model, carrier)
+        surfaces = surfaces_of(model, carrier)
         self.moving = tuple(part.body for part in surfaces[1:])
         clusters, boxes, spans, frames = [], [], [], []
         edge = triangle = cluster = plane = shape = 0
         for frame, part in enumerate(surfaces):
             first = cluster
-            for porosity, vertices, triangles in part.meshes:
+            for (porosity,), vertices, triangles in part.meshes:
                 own = make_clusters(vertices, triangles)
                 clusters.append(own)
                 boxes.append(np.vstack((own.boxes, np.full(len(own.spans), porosity))))
@@ -127,15 +127,15 @@ class ScanlineScene:
             plane, shape = behind[1:]
         self.arrays = SceneArrays(
             beams=beams.in_plane,
-            limits=_fixed([beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max]),
-            edges=_fixed(np.concatenate([own.edges for own in clusters], axis=1)),
-            triangles=_fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
-            boxes=_fixed(np.concatenate(boxes, axis=1)),
-            spans=_fixed(np.concatenate(spans), np.int32),
-            planes=_fixed(np.concatenate([part.planes for part in surfaces])),
-            frames=_fixed(frames, np.int32),
-            shapes=_fixed(np.concatenate([part.shapes for part in surfaces])),
-            spheres=_fixed([_sphere_around(part) for part in surfaces]),
+            limits=fixed([beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max]),
+            edges=fixed(np.concatenate([own.edges for own in clusters], axis=1)),
+            triangles=fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
+            boxes=fixed(np.concatenate(boxes, axis=1)),
+            spans=fixed(np.concatenate(spans), np.int32),
+            planes=fixed(np.concatenate([part.planes for part in surfaces])),
+            frames=fixed(frames, np.int32),
+            shapes=fixed(np.concatenate([part.shapes for part in surfaces])),
+            spheres=fixed([sphere_around(part) for part in surfaces]),
         )
 
     def scratch(self) -> Scratch:
@@ -164,7 +164,7 @@ def is_scanline(beams: Beams) -> bool:
     )
 
 
-def _sphere_around(part: _Surfaces) -> FloatArray:
+def sphere_around(part: Surfaces) -> FloatArray:
     """Return centre and radius of a sphere around the surfaces of a body [m]. Shape (4,)."""
     if part.body == 0 or len(part.planes):
         return np.array((0.0, 0.0, 0.0, NO_END))
@@ -182,39 +182,46 @@ def let_through(spec: Any, geom: Any, share: float) -> None:
     geom.userdata = [share]
 
 
-class _Surfaces(NamedTuple):
+class Surfaces(NamedTuple):
     """Surfaces that keep their places in the frame of one body."""
 
     body: int  # id of the body; 0, the world, for all that never moves
-    meshes: tuple[tuple[float, FloatArray, NDArray[np.int32]], ...]  # of each porosity: that, vertices (v, 3) [m], and
-    # triangles (t, 3), indices of vertices
-    planes: FloatArray  # (p, 14) as of SceneArrays
-    shapes: FloatArray  # (k, SHAPE)
+    meshes: tuple[tuple[tuple[float, ...], FloatArray, NDArray[np.int32]], ...]  # of each porosity and material: these,
+    # vertices (v, 3) [m], and triangles (t, 3), indices of vertices
+    planes: FloatArray  # (p, 14) as of SceneArrays, and the material behind
+    shapes: FloatArray  # (k, SHAPE), and the material behind
 
 
-def _surfaces(model: Any, carrier: int | None) -> list[_Surfaces]:
-    """Return the surfaces that rays meet, by body: the world's first, as it is now, then those that move."""
+def surfaces_of(model: Any, carrier: int | None, materials: FloatArray | None = None) -> list[Surfaces]:
+    """Return the surfaces that rays meet, by body: the world's first, as it is now, then those that move.
+
+    `materials` (geoms,) are numbers that are told with them; None: no number is.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    found: dict[int, tuple[dict[float, list[Any]], list[Any], list[Any]]] = {0: ({0.0: []}, [], [])}
+    more = 0 if materials is None else 1
+    none = (0.0,) * (1 + more)
+    found: dict[int, tuple[dict[tuple[float, ...], list[Any]], list[Any], list[Any]]] = {0: ({none: []}, [], [])}
     for geom in _visible_geoms(model, carrier):
         body = int(model.body_weldid[model.geom_bodyid[geom]])  # 0 for all that never moves
-        meshes, planes, shapes = found.setdefault(body, ({0.0: []}, [], []))
+        meshes, planes, shapes = found.setdefault(body, ({none: []}, [], []))
         to_body, kind = data.xmat[body].reshape(3, 3).T, int(model.geom_type[geom])
         position = to_body @ (data.geom_xpos[geom] - data.xpos[body])
         rotation = to_body @ data.geom_xmat[geom].reshape(3, 3)
+        material = () if materials is None else (float(materials[geom]),)
         porosity = float(model.geom_user[geom, 0]) if model.nuser_geom else 0.0
         if kind == mujoco.mjtGeom.mjGEOM_PLANE:
             half_sizes = np.where(model.geom_size[geom, :2] > 0.0, model.geom_size[geom, :2], NO_END)
-            planes.append(np.concatenate((position, rotation.ravel(), half_sizes)))
+            planes.append(np.concatenate((position, rotation.ravel(), half_sizes, material)))
         elif is_shape(kind):
-            shapes.append(shape_row(kind, model.geom_size[geom], position, rotation, porosity))
+            row = shape_row(kind, model.geom_size[geom], position, rotation, porosity)
+            shapes.append(np.concatenate((row, material)))
         else:
             own, corners = _geom_triangles(model, geom)
-            meshes.setdefault(porosity, []).append((position + own @ rotation.T, corners))
+            meshes.setdefault((porosity, *material), []).append((position + own @ rotation.T, corners))
     return [
-        _Surfaces(body, tuple((porosity, *_joined(own)) for porosity, own in sorted(meshes.items())),
-                  np.reshape(planes, (-1, 14)), np.reshape(shapes, (-1, SHAPE)))
+        Surfaces(body, tuple((key, *_joined(own)) for key, own in sorted(meshes.items())),
+                  np.reshape(planes, (-1, 14 + more)), np.reshape(shapes, (-1, SHAPE + more)))
         for body, (meshes, planes, shapes) in sorted(found.items())
     ]  # fmt: skip
 
@@ -262,7 +269,8 @@ def _geom_triangles(model: Any, geom: int) -> tuple[FloatArray, NDArray[np.int32
     )
 
 
-def _fixed(values: Any, kind: Any = np.float64) -> Any:
+def fixed(values: Any, kind: Any = np.float64) -> Any:
+    """Return a new array of them, read-only."""
     array = np.array(values, dtype=kind, order="C")
     array.flags.writeable = False
     return array

@@ -28,7 +28,7 @@ from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
 from ..display import brief, changed
 from ..errors import ArgumentError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
-from ..lidar.lidar import LIDAR_BACKENDS
+from ..lidar.lidar import LIDARS, MID360
 from ..messages import require, require_whole, shown
 from ..simulation.settings import (
     PLANNER_OPTIONS,
@@ -120,7 +120,10 @@ class Setup:
         (), "a patch of the floor with another friction, x=1,y=2,length=3,width=1,mu=.4; again for each", "x=X,...",
         "floor",
     )  # fmt: skip
-    lidar: str = setting("raycast", "back end: {names}; default: raycast", "NAME", "sensors")
+    lidar: str = setting(  # mid360: raycast, and car 0 has the sensor of that name
+        "raycast", "back end: {names}, which is raycast with a Livox MID-360 besides; default: raycast", "NAME",
+        "sensors",
+    )
     grid: str = setting(  # where entries without a start stand, see `entries.grid_starts`
         "staggered", "order at the start: {names}; default: staggered", "NAME", "other cars"
     )
@@ -145,8 +148,14 @@ class Setup:
         self._set("obstacles", obstacles_or_count(self.obstacles))
         require_whole("obstacle_seed", self.obstacle_seed, 0)
         self._set("moving", moving_or_text(self.moving))
-        if not isinstance(self.lidar, str) or self.lidar not in LIDAR_BACKENDS:
-            raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
+        if not isinstance(self.lidar, str) or self.lidar not in LIDARS:
+            raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDARS)}")
+        if self.lidar == MID360:
+            self._set("lidar", "raycast")
+            first, *others = self.entries
+            if not any(sensor.kind == MID360 for sensor in first.sensed):
+                first = replace(first, sensors=(*first.sensors, MID360))
+            self._set("entries", (first, *others))
         require_grid(self.grid)
         of_several = [("grid", "staggered"), *([] if find_rules(self.rules).checkpoints else [("rules", "none")])]
         for name, usual in of_several:

@@ -24,6 +24,7 @@ from ..lidar.scan_pipeline import EffectsOfRows, ScanPipeline
 from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.motion import drift_odometry
 from ..vehicle.sensors import CarState, Sensor
+from ..vehicle.sensors.sensor import NOTHING_YET
 from .cars import car_prefix
 from .planner_failure import error_text, file_of
 from .terrain import SEEN
@@ -221,13 +222,16 @@ class Sampler:
         try:
             if self._begun is None:
                 self._begun = sensor.begin(car, self._own_rng)
-            values = np.array(self._begun(car), dtype=np.float64)
+            measured = self._begun(car)
+            values = np.array(measured, dtype=np.float64)
         except BaseException as error:
             if not is_of_planner(error) or isinstance(error, ModelError):  # but Ctrl-C, and a car that lacks something
                 raise
             failed = error_text(error, file_of(type(sensor)))
             said = f"sensor {sensor.name!r} failed at t = {car.time:.3f} s: {failed}"
             raise SettingsError(f"{said}; accepted: a `measure` that returns numbers") from error
+        if measured is NOTHING_YET:
+            return
         if values.shape != (self._size,):
             columns = f", {', '.join(sensor.columns)}" if sensor.columns else ""
             said = f"sensor {sensor.name!r} measured an array of shape {values.shape}"

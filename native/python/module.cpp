@@ -11,6 +11,7 @@ NB_MODULE(_native, module) {
     fg::bind_calls(module);
     fg::bind_course(module);
     fg::bind_lidar(module);
+    fg::bind_point_cloud(module);
     fg::bind_perception(module);
     fg::bind_predictions(module);
     fg::bind_controllers(module);

@@ -121,6 +121,7 @@ def test_a_bound_that_a_refusal_names_is_where_refusals_begin(kind):
         (MANOEUVRES["sine_sweep"], {"high": 30}, "accepted: a frequency above low, 0.2 Hz, up to 10 Hz"),
         (SENSORS.find("imu"), {"name": "a/b"}, "Imu.name is 'a/b'; accepted: letters"),
         (SENSORS.find("pose"), {"noise_std": [1, 2]}, "accepted: a number from 0, or one for each of x_m, y_m"),
+        (SENSORS.find("mid360"), {"rate": 20.0}, "Mid360.rate is 20.0; accepted: 10"),
         (LabSettings, {"mus": (0.5, 0.5)}, "each once"), (LabSettings, {"steerings": (0.0,)}, "angles above 0"),
     ],
 )  # fmt: skip
@@ -134,8 +135,8 @@ def test_a_value_that_others_forbid_is_refused(made, values, said):
 
 WORDS = {
     "track": track_names(), "vehicle": fg.vehicle_names(), "tires": tire_names(), "controller": controller_names(),
-    "sensors": tuple(SENSORS), "lidar": ("raycast", "rangefinder"), "grid": ("staggered", "side_by_side", "behind"),
-    "rules": ("roboracer_2026", "autodrive_2026"),
+    "sensors": tuple(SENSORS), "lidar": ("raycast", "rangefinder", "mid360"),
+    "grid": ("staggered", "side_by_side", "behind"), "rules": ("roboracer_2026", "autodrive_2026"),
 }  # fmt: skip
 
 

@@ -33,6 +33,9 @@ from ..motion import drift_odometry, read_odometry
 LONGEST_DELAY = 10.0
 """[s] Longest delay of a sensor that is accepted."""
 
+NOTHING_YET: ArrayLike = np.empty(0)
+"""What a sensor that gathers a reading over several measurements returns until it is complete."""
+
 _LONGEST_NAME = 40
 _ANY_RATE = 1e6  # [Hz]; the physics steps say which rates there are
 
