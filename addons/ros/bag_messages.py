@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.errors import BagError, missing_extra
+from fg_mujoco.lidar.point_cloud import point_cloud
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
 from fg_mujoco.simulation.telemetry import recorded_command
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
+CLOUD, CLOUD_TOPIC = "sensor_msgs/msg/PointCloud2", "/livox/lidar"
 DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
 CLOCK = "rosgraph_msgs/msg/Clock"
 GRID, READING = "nav_msgs/msg/OccupancyGrid", "fg_mujoco_msgs/msg/Reading"
@@ -238,6 +240,35 @@ def reading_messages(reading: Reading, frame: str) -> list[Any]:
         _make(READING, header=_header(nanoseconds(stamp), frame), names=list(reading.columns), values=values)
         for stamp, values in zip(reading.stamps.tolist(), reading.samples, strict=True)
     ]
+
+
+def cloud_parts(values: FloatArray, end: int) -> tuple[int, list[dict[str, Any]], dict[str, Any]]:
+    """Return the time of the first point [ns], and fields and other values of a PointCloud2 as livox_ros_driver2's.
+
+    Args:
+      values: of a reading of a Mid360.
+      end: of the frame [ns].
+    """
+    points = point_cloud(values, float(end))
+    kinds = {"<f4": 7, "|u1": 2, "<f8": 8}  # of sensor_msgs/PointField
+    fields = [
+        {"name": name, "offset": int(offset), "datatype": kinds[kind.str], "count": 1}
+        for name, (kind, offset, *_) in (points.dtype.fields or {}).items()
+    ]
+    return int(points["timestamp"][0]), fields, {
+        "height": 1, "width": len(points), "point_step": points.itemsize, "row_step": points.nbytes,
+        "is_bigendian": False, "is_dense": True, "data": np.frombuffer(points.tobytes(), np.uint8),
+    }  # fmt: skip
+
+
+def cloud_messages(reading: Reading, frame: str) -> list[Any]:
+    """Return sensor_msgs/PointCloud2 of all frames that a Mid360 delivered since the last tick."""
+    messages = []
+    for stamp, values in zip(reading.stamps.tolist(), reading.samples, strict=True):
+        first, fields, parts = cloud_parts(values, nanoseconds(stamp))
+        made = [_make("sensor_msgs/msg/PointField", **field) for field in fields]
+        messages.append(_make(CLOUD, header=_header(first, frame), fields=made, **parts))
+    return messages
 
 
 def drive_message(command: DriveCommand, time: int, frame: str = BASE_FRAME) -> Any:

@@ -26,16 +26,19 @@ import numpy as np
 
 from fg_mujoco.course.writing import staged_file
 from fg_mujoco.errors import BagError, PlannerError
+from fg_mujoco.lidar.point_cloud import PointCaster
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.resimulation import Sensed, load_world, recorded_sensors, resimulate
 from fg_mujoco.racing.run_folder import Run, read_run
-from fg_mujoco.simulation.cars import car_prefix
+from fg_mujoco.simulation.cars import car_prefix, lidar_prefix
 from fg_mujoco.simulation.telemetry import COMMAND
 from fg_mujoco.vehicle.car import car_parameters, element_id
 from fg_mujoco.vehicle.sensors import Sensor
+from fg_mujoco.vehicle.sensors.livox import Mid360
 
 from .bag_messages import (
     BASE_FRAME,
+    CLOUD_TOPIC,
     DRIVE,
     GRID,
     IMU,
@@ -48,6 +51,7 @@ from .bag_messages import (
     ODOMETRY,
     SCAN,
     TRANSFORMS,
+    cloud_messages,
     definition,
     drive_message,
     grid_message,
@@ -176,7 +180,7 @@ def export_bag(
             if index == 1:
                 grid = grid_of(model, sensed.position[:2])
                 bag.write("/map", grid_message(time, grid.cells, grid.resolution, grid.origin), time)
-                static = car_mounts(model) + [mount for other in others for mount in other.mounts]
+                static = car_mounts(model, sensors=own_sensors) + [mount for other in others for mount in other.mounts]
                 if others:
                     static.append((BASE_FRAME, f"{EGO}/{BASE_FRAME}", np.zeros(3), _NO_ROTATION))
                 bag.write("/tf_static", transform_message(time, static), time)
@@ -198,7 +202,9 @@ def export_bag(
     return ticks
 
 
-def car_mounts(model: mujoco.MjModel, car: int = 0) -> list[tuple[str, str, Any, Any]]:
+def car_mounts(
+    model: mujoco.MjModel, car: int = 0, sensors: Sequence[Sensor] = ()
+) -> list[tuple[str, str, Any, Any]]:
     """Return the transforms of a car that never change; with those of car 0 map and odom are one."""
     within = f"{car_namespace(car)}/" if car else ""
     transforms: list[tuple[str, str, Any, Any]] = []
@@ -207,6 +213,10 @@ def car_mounts(model: mujoco.MjModel, car: int = 0) -> list[tuple[str, str, Any,
     for frame, name in ((LASER_FRAME, "lidar_mount"), (IMU_FRAME, "imu")):
         site = element_id(model, mujoco.mjtObj.mjOBJ_SITE, car_prefix(car) + name)
         transforms.append((within + BASE_FRAME, within + frame, model.site_pos[site], model.site_quat[site]))
+    if any(isinstance(sensor, Mid360) for sensor in sensors):
+        mount = PointCaster(model, lidar_prefix(car)).mount
+        mujoco.mju_mat2Quat(turn := np.empty(4), mount.offset_rotation.ravel())
+        transforms.append((within + BASE_FRAME, within + Mid360.frame, mount.offset_position, turn))
     return transforms
 
 
@@ -249,10 +259,10 @@ class _Other:
     """The messages of a car other than car 0."""
 
     def __init__(self, run: Run, model: mujoco.MjModel, car: int) -> None:
-        self.car, self.mounts, self.ends = car, car_mounts(model, car), _Ends.of(run, car)
+        self.sensors = recorded_sensors(run.summary["cars"][car])
+        self.car, self.mounts, self.ends = car, car_mounts(model, car, self.sensors), _Ends.of(run, car)
         self.namespace, self.scans, self.drive = _names(car)
         self.base = f"{self.namespace}/{BASE_FRAME}"
-        self.sensors = recorded_sensors(run.summary["cars"][car])
         self.commands = run.others[car - 1][:, COMMAND : COMMAND + 2]
         self.parameters = car_parameters(model, car_prefix(car))
 
@@ -295,8 +305,11 @@ def _write_readings(
         bag.write(f"{namespace}{MOTOR_TOPIC}", motor_message(sensed.odometry, mass), time)
     for sensor in sensors:
         within = "" if sensor.frame in (MAP_FRAME, ODOM_FRAME) or not namespace else f"{namespace[1:]}/"
-        for message in reading_messages(sensed.odometry.readings[sensor.name], within + sensor.frame):
-            bag.write(f"{namespace}/sensors/{sensor.name}", message, time)
+        of_livox = isinstance(sensor, Mid360)
+        topic = CLOUD_TOPIC if of_livox and sensor.name == sensor.kind else f"/sensors/{sensor.name}"
+        messages = cloud_messages if of_livox else reading_messages
+        for message in messages(sensed.odometry.readings[sensor.name], within + sensor.frame):
+            bag.write(namespace + topic, message, time)
 
 
 def _told(sensed: Sensed, child: str) -> Any:

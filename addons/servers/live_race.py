@@ -250,7 +250,7 @@ class LiveRace:
 
     def _mounts(self) -> list[tuple[str, str, Any, Any]]:
         world = self.session.world
-        mounts = car_mounts(world.model)
+        mounts = car_mounts(world.model, sensors=self.session.settings.sensed)
         laser = next(each for each in mounts if each[1] == LASER_FRAME)
         others = [mount for car in range(1, len(world.cars)) for mount in car_mounts(world.model, car)]
         return [*mounts, *others, (f"{EGO}/{BASE_FRAME}", f"{EGO}/{LASER_FRAME}", *laser[2:])]

@@ -18,11 +18,25 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.course.lap_timer import LapTimer
-from fg_mujoco.messages import CarParameters, LaserScan, Odometry
+from fg_mujoco.lidar.lidar import MID360
+from fg_mujoco.lidar.point_cloud import Sheet
+from fg_mujoco.messages import CarParameters, LaserScan, Odometry, Reading
 from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.world import World
+from fg_mujoco.vehicle.sensors.livox import Mid360
 
-from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, as_imu_tells, nanoseconds
+from ..bag_messages import (
+    BASE_FRAME,
+    CLOUD,
+    CLOUD_TOPIC,
+    IMU_FRAME,
+    LASER_FRAME,
+    MAP_FRAME,
+    ODOM_FRAME,
+    as_imu_tells,
+    cloud_parts,
+    nanoseconds,
+)
 from ..composed_topics import RANGE_MAX, RANGE_MIN, STEERING, THROTTLE, cars_in, motor_fields
 from ..front_camera import FIELD_OF_VIEW, SIZE, FrontCamera
 from ..occupancy_grid import Grid, grid_of
@@ -37,6 +51,7 @@ _IMAGE, _LENS = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 TOPICS: dict[str, tuple[str, str]] = {
     "/clock": ("rosgraph_msgs/msg/Clock", "clock"),
     "/scan": ("sensor_msgs/msg/LaserScan", "scan"),
+    CLOUD_TOPIC: (CLOUD, "points"),
     "/tf": ("tf2_msgs/msg/TFMessage", "transforms"),
     "/map": ("nav_msgs/msg/OccupancyGrid", "map"),
     "/map_metadata": ("nav_msgs/msg/MapMetaData", "map_info"),
@@ -123,6 +138,7 @@ class Sensing:
         self._wheelbase, self._half_track, self._gravity = car.wheelbase, car.track_width / 2, car.gravity
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
         self._before: float | None = None
+        self._points: Reading | None = None
         self.surroundings: Surroundings | None = None
         self.opponent = False
         self.command = (0.0, 0.0)  # speed [m/s] and steering angle [rad], last commanded
@@ -131,7 +147,7 @@ class Sensing:
         self._camera, self._laps = FrontCamera(), LapsSoFar()
         self._known: tuple[Any, dict[str, str]] | None = None
         self._cars: tuple[str, ...] = AUTODRIVE_VEHICLES
-        graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items()})
+        graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items() if kind != CLOUD})
         mount = matrix((car.lidar_offset, 0.0, 0.0), _UPRIGHT)
         league, inside = AUTODRIVE_VEHICLES[-1], matrix((0.08, 0.0, 0.055), _UPRIGHT)  # as public DevKits have it
         for child, parent, found in (
@@ -147,6 +163,10 @@ class Sensing:
     def messages(self, scan: LaserScan, odometry: Odometry) -> Iterator[tuple[str, Any]]:
         """Make the messages of one tick, in the order of TOPICS, and take the pose as the newest transform."""
         self._scan, self._odometry = scan, odometry
+        self._points = odometry.readings.get(MID360)
+        if self._points is not None and CLOUD_TOPIC not in self._graph.provided:
+            self._graph.provided[CLOUD_TOPIC] = CLOUD
+            self._graph.transforms[Mid360.frame] = LASER_FRAME, matrix(tuple(Sheet.load().mount.tolist()), _UPRIGHT)
         self._move()
         x, y, heading = self._pose.tolist()
         self._at = x, y, math.sin(heading / 2), math.cos(heading / 2)
@@ -170,6 +190,7 @@ class Sensing:
         made_already: dict[str, Any] = {}
         for topic, maker in self._topics().items():
             unknown = self.surroundings is None and maker in _NEED_SURROUNDINGS
+            unknown |= maker == "points" and (self._points is None or not len(self._points.stamps))
             if topic in listened and maker not in ("map", "map_info") and not unknown:
                 if maker not in made_already:
                     kind, _, number = maker.partition(" ")
@@ -182,7 +203,7 @@ class Sensing:
         maker = self._topics().get(topic)
         if maker in _NEED_SURROUNDINGS and self.surroundings is None:
             return None
-        if maker is None:
+        if maker is None or (maker == "points" and self._points is None):
             return None
         if topic in TOPICS:
             return TOPICS[topic][0]
@@ -383,6 +404,14 @@ class Sensing:
         }[name]  # fmt: skip
         kind = next(kind for kind, maker in TOPICS.values() if maker == name)
         return made(self._kind(kind), data=_single(found) if kind == _FLOAT else found)
+
+    def _make_points(self) -> Any:
+        assert self._points is not None
+        first, fields, parts = cloud_parts(self._points.values, BEGIN + nanoseconds(self._points.stamp))
+        made_fields = [made(self._kind("sensor_msgs/msg/PointField"), **field) for field in fields]
+        header = self._header((first - BEGIN) / NANOSECONDS, Mid360.frame)
+        parts["data"] = array.array("B", parts["data"].tobytes())
+        return made(self._kind(CLOUD), header=header, fields=made_fields, **parts)
 
     def _make_image(self) -> Any:
         assert self.surroundings is not None

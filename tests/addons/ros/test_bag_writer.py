@@ -16,6 +16,7 @@ from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
 from fg_mujoco.addons.ros.occupancy_grid import OCCUPIED
 from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.lidar.point_cloud import POINT, POINTS, point_cloud
 from fg_mujoco.messages import LaserScan
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from field_races import shunt
@@ -98,6 +99,24 @@ def test_scans_read_by_another_library_are_those_of_the_run(messages, folder):
         assert scan.header.frame_id == "laser"
         assert scan.angle_min == pytest.approx(-scan.angle_max) == pytest.approx(math.radians(-135.0))
         assert (len(scan.ranges), len(scan.intensities), scan.time_increment) == (1081, 0, 0.0)
+
+
+def test_points_of_a_mid360_are_those_that_the_planner_got(tmp_path):
+    planner = Listener()
+    fg.write_run(fg.race("oval", planner, laps=1, time_limit=0.35, lidar="mid360"), tmp_path / "run", picture=False)
+    export_bag(tmp_path / "run", tmp_path / "run.mcap")
+    found, heard = decoded(tmp_path / "run.mcap"), [odometry.readings["mid360"] for _, odometry in planner.heard]
+    frames = [reading for reading in heard if len(reading.stamps)]
+    assert len(frames) == len(found["/livox/lidar"]) == 3
+    for (log_time, cloud), reading in zip(found["/livox/lidar"], frames, strict=True):
+        points = np.frombuffer(bytes(cloud.data), POINT)
+        assert [(field.name, field.offset) for field in cloud.fields] == [(n, POINT.fields[n][1]) for n in POINT.names]
+        assert (cloud.point_step, cloud.width, cloud.header.frame_id) == (26, POINTS, "livox_frame")
+        assert np.array_equal(points, point_cloud(reading.values, log_time)) and points["intensity"].any()
+        first = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec
+        assert first == points["timestamp"][0] == log_time - 98_750_000
+    (mount,) = [each for each in found["/tf_static"][0][1].transforms if each.child_frame_id == "livox_frame"]
+    assert mount.transform.translation.z == pytest.approx(0.0614 + 0.07, abs=1e-4)
 
 
 def test_odometry_read_by_another_library_is_that_of_the_telemetry(messages, folder):

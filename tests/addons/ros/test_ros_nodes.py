@@ -114,6 +114,19 @@ def test_no_command_is_faster_than_the_race_allows_and_all_are_of_32_bits(node):
     assert speeds(make(node("self.drive(0.1)")), 1) == [float(np.float32(0.1))]
 
 
+def test_a_node_hears_the_points_of_a_mid360(node):
+    subscribed = '        self.create_subscription(PointCloud2, "/livox/lidar", self.points, 10)\n'
+    head = HEAD.replace("import LaserScan", "import LaserScan, PointCloud2") + PUBLISHER + subscribed
+    more = """
+    def points(self, cloud):
+        from sensor_msgs_py.point_cloud2 import read_points
+        self.drive(float((read_points(cloud)["line"] == 3).sum()) / 5000.0)
+"""
+    source = node("pass", more, head)
+    with_it, without = (fg.race("oval", source, laps=1, time_limit=0.3, lidar=kind) for kind in ("mid360", "raycast"))
+    assert with_it.ctrl[:, 1].tolist() == [0.0] * 4 + [1.0] * 8 and not without.ctrl[:, 1].any()
+
+
 def test_timers_come_at_their_simulated_times_between_the_ticks(node):
     head = HEAD + PUBLISHER + "        self.create_timer(0.01, self.timer)\n        self.times = []\n"
     more = """

@@ -20,6 +20,7 @@ from cases import each
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.lidar.point_cloud import POINT
 from fg_mujoco.messages import DriveCommand
 
 pytest.importorskip("rosbags")
@@ -33,7 +34,7 @@ from cyclonedds.sub import DataReader, Subscriber
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from fg_mujoco.addons.ros.bag_messages import GRID, ODOMETRY, POSE, TRANSFORMS, from_cdr, type_store
+from fg_mujoco.addons.ros.bag_messages import CLOUD, GRID, ODOMETRY, POSE, TRANSFORMS, from_cdr, stamp_of, type_store
 from fg_mujoco.addons.servers.ros2 import server
 from fg_mujoco.addons.servers.ros2.dds_types import cdr_of, dds_type
 from fg_mujoco.addons.servers.ros2.server import Ros2Server
@@ -280,6 +281,21 @@ def test_in_real_time_nodes_see_the_node_and_the_race_and_the_car_stops_when_the
         reset = peer.writer("rt/car_1/reset", Empty)
         until(lambda: reset.write(Empty(0)) or session.simulation.pose != moved)
         until(lambda: session.simulation.time < 1.0)
+
+
+def test_points_of_a_mid360_come_as_its_driver_sends_them():
+    with served(step_on_drive=False, setup=fg.Setup.of("oval", lidar="mid360")):
+        peer = Peer()
+        late = _RELIABLE, Policy.Durability.TransientLocal
+        mounts = from_cdr(newest(peer.reader("rt/tf_static", dds_type(TRANSFORMS), *late)).content, TRANSFORMS)
+        clouds = peer.reader("rt/livox/lidar", dds_type(CLOUD), _RELIABLE)
+        first, second = (from_cdr(newest(clouds).content, CLOUD) for _ in range(2))
+    assert "livox_frame" in {each.child_frame_id for each in mounts.transforms}
+    points, later = (np.frombuffer(cloud.data.tobytes(), POINT) for cloud in (first, second))
+    assert first.point_step == 26 and [field.name for field in first.fields] == list(POINT.names)
+    assert later["timestamp"][0] - points["timestamp"][0] == pytest.approx(1e8, abs=1e3)
+    assert points["timestamp"][0] == pytest.approx(stamp_of(first), abs=1e3)
+    assert (points["intensity"] > 0.0).mean() > 0.1 and not np.array_equal(points["x"], later["x"])
 
 
 def test_two_simulators_need_two_namespaces_or_domains():
