@@ -18,7 +18,7 @@ from ..messages import FloatArray
 from ..native import core
 from .body_poses import make_links
 from .clusters import make_vertex_clusters
-from .visible_surfaces import fixed, sphere_around, surfaces_of
+from .visible_surfaces import assembled, fixed, surfaces_of
 
 
 class CloudArrays(NamedTuple):
@@ -57,30 +57,11 @@ class CloudScene(Uncopied):
         dark, near, bright, far = ranges.tolist()
         power = math.log(far / near) / math.log(bright / dark)
         surfaces = surfaces_of(model, None, materials.astype(np.float64))
-        clusters, boxes, spans, frames = [], [], [], []
-        vertex = triangle = cluster = plane = shape = 0
-        for frame, part in enumerate(surfaces):
-            first = cluster
-            for key, vertices, triangles in part.meshes:
-                own = make_vertex_clusters(vertices, triangles)
-                clusters.append(own)
-                boxes.append(np.vstack((own.boxes, np.tile(np.array(key)[:, None], len(own.spans)))))
-                spans.append(np.insert(own.spans + np.array((vertex, vertex, triangle, triangle)), 4, frame, axis=1))
-                vertex, triangle = vertex + own.vertices.shape[1], triangle + len(own.triangles)
-                cluster += len(own.spans)
-            behind = (cluster, plane + len(part.planes), shape + len(part.shapes))
-            frames.append((first, behind[0], plane, behind[1], shape, behind[2], int(model.body_rootid[part.body])))
-            plane, shape = behind[1:]
+        clusters, parts = assembled(model, surfaces, make_vertex_clusters)
         arrays = CloudArrays(
             vertices=fixed(np.concatenate([own.vertices for own in clusters], axis=1)),
-            triangles=fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
-            boxes=fixed(np.concatenate(boxes, axis=1)),
-            spans=fixed(np.concatenate(spans), np.int32),
-            planes=fixed(np.concatenate([part.planes for part in surfaces])),
-            frames=fixed(frames, np.int32),
-            shapes=fixed(np.concatenate([part.shapes for part in surfaces])),
-            spheres=fixed([sphere_around(part) for part in surfaces]),
             materials=fixed([(intensity * share, far * math.pow(share / bright, power)) for share in shares.tolist()]),
+            **parts,
         )
         self.materials = arrays.materials
         self.moving = moving_obstacles(model)

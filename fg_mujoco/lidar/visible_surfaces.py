@@ -16,6 +16,7 @@ the nearest point ahead of the ray on the surface, from inside, too.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import mujoco
@@ -110,32 +111,12 @@ class ScanlineScene:
     def __init__(self, model: Any, beams: Beams, carrier: int | None) -> None:
         surfaces = surfaces_of(model, carrier)
         self.moving = tuple(part.body for part in surfaces[1:])
-        clusters, boxes, spans, frames = [], [], [], []
-        edge = triangle = cluster = plane = shape = 0
-        for frame, part in enumerate(surfaces):
-            first = cluster
-            for (porosity,), vertices, triangles in part.meshes:
-                own = make_clusters(vertices, triangles)
-                clusters.append(own)
-                boxes.append(np.vstack((own.boxes, np.full(len(own.spans), porosity))))
-                spans.append(np.insert(own.spans + np.array((edge, edge, triangle, triangle)), 4, frame, axis=1))
-                edge, triangle = edge + own.edges.shape[1], triangle + len(own.triangles)
-                cluster += len(own.spans)
-            behind = (cluster, plane + len(part.planes), shape + len(part.shapes))
-            tree = int(model.body_rootid[part.body])
-            frames.append((first, behind[0], plane, behind[1], shape, behind[2], tree))
-            plane, shape = behind[1:]
+        clusters, parts = assembled(model, surfaces, make_clusters)
         self.arrays = SceneArrays(
             beams=beams.in_plane,
             limits=fixed([beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max]),
             edges=fixed(np.concatenate([own.edges for own in clusters], axis=1)),
-            triangles=fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
-            boxes=fixed(np.concatenate(boxes, axis=1)),
-            spans=fixed(np.concatenate(spans), np.int32),
-            planes=fixed(np.concatenate([part.planes for part in surfaces])),
-            frames=fixed(frames, np.int32),
-            shapes=fixed(np.concatenate([part.shapes for part in surfaces])),
-            spheres=fixed([sphere_around(part) for part in surfaces]),
+            **parts,
         )
 
     def scratch(self) -> Scratch:
@@ -224,6 +205,34 @@ def surfaces_of(model: Any, carrier: int | None, materials: FloatArray | None = 
                   np.reshape(planes, (-1, 14 + more)), np.reshape(shapes, (-1, SHAPE + more)))
         for body, (meshes, planes, shapes) in sorted(found.items())
     ]  # fmt: skip
+
+
+def assembled(
+    model: Any, surfaces: Sequence[Surfaces], make: Callable[[FloatArray, NDArray[np.int32]], Any]
+) -> tuple[list[Any], dict[str, Any]]:
+    """Return what `make` makes of each mesh, clusters with `spans`, and the arrays of SceneArrays that follow."""
+    clusters, boxes, spans, frames = [], [], [], []
+    corner = triangle = cluster = plane = shape = 0  # so many edges, or vertices
+    for frame, part in enumerate(surfaces):
+        first = cluster
+        for key, vertices, triangles in part.meshes:
+            own = make(vertices, triangles)
+            clusters.append(own)
+            boxes.append(np.vstack((own.boxes, np.tile(np.array(key)[:, None], len(own.spans)))))
+            spans.append(np.insert(own.spans + np.array((corner, corner, triangle, triangle)), 4, frame, axis=1))
+            corner, triangle = corner + int(own.spans[:, 1].max(initial=0)), triangle + len(own.triangles)
+            cluster += len(own.spans)
+        behind = (cluster, plane + len(part.planes), shape + len(part.shapes))
+        tree = int(model.body_rootid[part.body])
+        frames.append((first, behind[0], plane, behind[1], shape, behind[2], tree))
+        plane, shape = behind[1:]
+    return clusters, {
+        "triangles": fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
+        "boxes": fixed(np.concatenate(boxes, axis=1)), "spans": fixed(np.concatenate(spans), np.int32),
+        "planes": fixed(np.concatenate([part.planes for part in surfaces])), "frames": fixed(frames, np.int32),
+        "shapes": fixed(np.concatenate([part.shapes for part in surfaces])),
+        "spheres": fixed([sphere_around(part) for part in surfaces]),
+    }  # fmt: skip
 
 
 def _joined(meshes: list[tuple[FloatArray, NDArray[np.int32]]]) -> tuple[FloatArray, NDArray[np.int32]]:

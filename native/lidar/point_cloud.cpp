@@ -73,6 +73,8 @@ struct Part {
 struct View {
     double right, left, least, most;
 
+    View(double least, double most) : least(least), most(most) {}
+
     View(double x, double y, double low, double high, double radius) {
         const double away = std::sqrt(x * x + y * y), ratio = radius / (away + TINY);
         const double near = max(away - radius, TINY), far = away + radius;
@@ -210,7 +212,7 @@ FG_VERSIONS void Drawing::draw_plane(Numbers plane, const Pose& pose) const {
 }
 
 // Draw a round shape into the points that may meet it, each of which is asked.
-void Drawing::draw_shape(Numbers shape, const Pose& pose) const {
+FG_VERSIONS void Drawing::draw_shape(Numbers shape, const Pose& pose) const {
     const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
     const double cx = shape[4] - ox, cy = shape[5] - oy, cz = shape[6] - oz, radius = shape[16] + 1e-9;
     const double x = xx * cx + xy * cy + xz * cz, y = yx * cx + yy * cy + yz * cz, z = zx * cx + zy * cy + zz * cz;
@@ -383,6 +385,20 @@ struct Candidate {
     View view;
 };
 
+// Add a cluster whose columns and tangents an arc meets.
+FG_VERSIONS void add_candidate(const CloudScene& scene, const Pose& pose, const Arc (&arcs)[LINES], Candidate own,
+                               std::vector<Candidate>& found) {
+    const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
+    const double cx = scene.boxes[0][own.cluster] - ox, cy = scene.boxes[1][own.cluster] - oy;
+    const double cz = scene.boxes[2][own.cluster] - oz;
+    const View view(xx * cx + xy * cy + xz * cz, yx * cx + yy * cy + yz * cz, 0.0, 0.0, scene.boxes[6][own.cluster]);
+    own.view.right = view.right, own.view.left = view.left;
+    bool met = false;
+    for (int line = 0; line < LINES; ++line)
+        met |= Slopes(arcs[line], Part(view.right, view.left, line)).meet(own.view.least, own.view.most);
+    if (met) found.push_back(own);
+}
+
 // Write how near each of some clusters comes [m], and between which tangents it is; what is outside is at FAR.
 FG_VERSIONS void survey_clusters(const CloudScene& scene, const Pose& pose, int first, int behind, Table<double> views) {
     const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
@@ -457,7 +473,6 @@ void cast_bursts(const CloudScene& scene, const Pattern& pattern, const CloudMou
     const auto rotation_of = [&](int body) { return Table<double>{rotations.data() + 9 * body, 3, 3}; };
     OwnTable<double> views(3, scene.spans.rows);
     OwnRow<std::int32_t> in_view(most), outside(longest);
-    const Matrix& boxes = scene.boxes;
     std::vector<Candidate> found;
     Arc arcs[LINES];
     const Drawing drawing{scene, arcs, room[0], room[1], room[2], room[3], room[4], in_view, outside};
@@ -501,13 +516,9 @@ void cast_bursts(const CloudScene& scene, const Pattern& pattern, const CloudMou
             survey_clusters(scene, pose, parts[0], parts[1], views);
             for (int i = parts[0]; i < parts[1]; ++i) {
                 if (views[0][i] >= furthest) continue;
-                const double cx = boxes[0][i] - ox, cy = boxes[1][i] - oy, cz = boxes[2][i] - oz;
-                View view(xx * cx + xy * cy + xz * cz, yx * cx + yy * cy + yz * cz, 0.0, 0.0, boxes[6][i]);
-                view.least = views[1][i], view.most = views[2][i];
                 bool met = false;
-                for (int line = 0; line < LINES; ++line)
-                    met |= Slopes(arcs[line], Part(view.right, view.left, line)).meet(view.least, view.most);
-                if (met) found.push_back({i, frame, views[0][i], view});
+                for (const Arc& arc : arcs) met |= views[1][i] <= arc.high && views[2][i] >= arc.low;
+                if (met) add_candidate(scene, pose, arcs, {i, frame, views[0][i], {views[1][i], views[2][i]}}, found);
             }
         }
         std::sort(found.begin(), found.end(), [](const Candidate& a, const Candidate& b) {
