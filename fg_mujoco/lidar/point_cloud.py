@@ -113,20 +113,22 @@ class PointCaster(Uncopied):
         self._scene = _scene(model)
 
     def cast(
-        self, before: FloatArray, after: FloatArray, shares: FloatArray, times: FloatArray, first: int
-    ) -> FloatArray:
+        self, before: FloatArray, after: FloatArray, shares: FloatArray, times: FloatArray, first: int,
+        out: FloatArray | None = None,
+    ) -> FloatArray:  # fmt: skip
         """Return the points of bursts (b, 500, 4): x, y, z [m] in the LiDAR's frame, intensity; zeros: no return.
 
         Args:
           before, after: qpos of the world, between which all moves evenly.
           shares, times: (b,) where between them each burst is measured, and when [s] since the start.
           first: number of the first burst.
+          out: to write them to; None: a new array.
         """
         placed = np.zeros((len(shares), len(self._scene.moving), 3))
         for row, time in zip(placed, times.tolist(), strict=True):
             for each, obstacle in zip(row, self._scene.moving, strict=True):
                 each[:2] = obstacle.position(time)
-        out = np.empty((len(shares), LINES * COLUMNS, 4))
+        out = np.empty((len(shares), LINES * COLUMNS, 4)) if out is None else out
         core.cast_bursts(
             self._scene.native, _pattern(), self.mount.qpos_address, self.mount.offset_position,
             self.mount.offset_rotation, self._tree, self._scene.links, before, after, shares, placed, first, out,

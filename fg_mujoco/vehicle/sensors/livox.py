@@ -65,7 +65,7 @@ class Mid360(Sensor):
         """See Sensor."""
         from ...lidar.point_cloud import BURSTS, FRAME, POINTS, PointCaster
 
-        caster, begun, bursts = PointCaster(car.model, car.prefix + _LIDAR), car.time, np.arange(BURSTS)
+        caster, begun = PointCaster(car.model, car.prefix + _LIDAR), car.time
         before, past = car.qpos.copy(), car.time
         frame, done = np.zeros((BURSTS, POINTS // BURSTS, 4)), 0
 
@@ -79,7 +79,7 @@ class Mid360(Sensor):
             shares = (times - past) / (car.time - past)
             after = car.qpos.copy()
             from_here = np.where(np.abs(after - before) > _JUMP, after, before)
-            frame[bursts[done % BURSTS :][: last - done]] = caster.cast(from_here, after, shares, times, done)
+            caster.cast(from_here, after, shares, times, done, frame[done % BURSTS :][: last - done])
             before, past, done = after, car.time, last
             return self._noisy(frame, rng).ravel() if done % BURSTS == 0 else NOTHING_YET
 
