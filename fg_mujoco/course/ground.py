@@ -195,7 +195,7 @@ def make_ground(track: Any) -> Ground | None:
     if relief.bank or relief.ramp or relief.crest:
         heights += _along_and_across(track, *_places(track, nodes))
     if relief.roughness:
-        heights += _rough(nodes, relief)
+        heights += rough_heights(nodes, relief)
     if relief.heights is not None:
         heights += Ground(heights=relief.heights, corner=relief.corner, cell=relief.cell).at(nodes)
     ground = Ground(heights=read_only(heights.reshape(rows, columns)), corner=(float(low[0]), float(low[1])), cell=cell)
@@ -286,7 +286,7 @@ def _smoothed(values: FloatArray, width: float) -> FloatArray:
     return np.asarray((sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1))
 
 
-def _rough(nodes: FloatArray, relief: Relief) -> FloatArray:
+def rough_heights(nodes: FloatArray, relief: Relief) -> FloatArray:
     """Return heights of a rough road at nodes (n, 2) [m], the same in all directions: a sum of waves. Shape (n,) [m].
 
     ISO 8608 gives the density G0 (n0 / n)^2 of the heights along a line, of n waves a metre, n0 = .1 / m. With waves in

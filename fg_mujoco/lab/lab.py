@@ -32,6 +32,7 @@ _HERE = "fg_mujoco.lab"
 EXPERIMENTS: dict[str, str] = {
     "skidpad": f"{_HERE}.skidpad:EXPERIMENT",
     "sets": f"{_HERE}.skidpad:SETS",
+    "ground": f"{_HERE}.ground_circles:EXPERIMENT",
     "step": f"{_HERE}.step:EXPERIMENT",
     "braking": f"{_HERE}.braking:EXPERIMENT",
     "laps": f"{_HERE}.laps:LAPS",

@@ -10,9 +10,13 @@ from typing import TypeAlias
 import mujoco
 import numpy as np
 
+from ..course.ground import Ground
+from ..errors import SettingsError
 from ..messages import DriveCommand, FloatArray, Odometry
+from ..simulation.cars import CAR_PREFIX
 from ..simulation.physics import STATE, whole_steps
 from ..simulation.simulation import complete_state
+from ..simulation.terrain import on_terrain
 from ..vehicle.car import WHEELS, Car, car_parameters, sensor_slice
 from ..vehicle.changes import CarChanges
 from ..vehicle.tire_forces import TireForces
@@ -30,13 +34,13 @@ Driver: TypeAlias = Callable[[Odometry], DriveCommand]
 class CarSensors:
     """Indices of a car's sensors in a row of `sensordata`; ModelError: the model lacks what `add_axle_sensors` adds."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self.meter = TireSlipMeter(model)
-        self.parameters = car_parameters(model)
+    def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
+        self.meter = TireSlipMeter(model, prefix)
+        self.parameters = car_parameters(model, prefix)
         for name in ("orientation", "accelerometer", "gyro"):
-            setattr(self, name, sensor_slice(model, name))
-        self.wheel_speeds = [sensor_slice(model, f"{wheel}_wheel_speed").start for wheel in WHEELS]
-        self.velocities = [sensor_slice(model, f"{wheel}_wheel_velocity") for wheel in WHEELS]
+            setattr(self, name, sensor_slice(model, prefix + name))
+        self.wheel_speeds = [sensor_slice(model, f"{prefix}{wheel}_wheel_speed").start for wheel in WHEELS]
+        self.velocities = [sensor_slice(model, f"{prefix}{wheel}_wheel_velocity") for wheel in WHEELS]
 
     orientation: slice
     accelerometer: slice
@@ -122,15 +126,17 @@ def join(traces: Sequence[Trace]) -> Trace:
 
 
 class LabGround:
-    """A car on endless level ground, with its `model`, `data`, `car` and the `forces` of its tires.
+    """A car on open ground, with its `model`, `data`, `car` and the `forces` of its tires.
 
     Args:
       mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in the MJCF.
       timestep: of the physics [s]; None: at which the tires are right when they slide.
       tires: that the car stands on; None: its own.
+      surface: of the ground; None: it is level and endless.
 
     Raises:
-      SettingsError: a friction coefficient that is no number above 0 and up to GREATEST_MU.
+      SettingsError: a friction coefficient that is no number above 0 and up to GREATEST_MU; tires of the model
+        `contact` on a surface.
     """
 
     def __init__(
@@ -140,17 +146,21 @@ class LabGround:
         tires: Tires | None = None,
         vehicle: str | Vehicle = DEFAULT_VEHICLE,
         changes: CarChanges | None = None,
+        surface: Ground | None = None,
     ) -> None:
         built = Vehicle.load(vehicle)
         tires = tires or built.tires
         spec = built.spec(mu, changes, tires)
         add_axle_sensors(spec)
-        self.model = spec.compile()
+        prefix = "" if surface is None else CAR_PREFIX
+        self.model = (spec if surface is None else on_terrain(spec, surface, prefix)).compile()
         self.model.opt.timestep = timestep or tires.sliding_timestep or self.model.opt.timestep
         self.data = mujoco.MjData(self.model)
-        self.car = Car(self.model)
-        self.forces = TireForces(self.model)
-        self._sensors = CarSensors(self.model)
+        self.car = Car(self.model, prefix)
+        self.forces = TireForces(self.model, prefix)
+        if surface is not None and not len(self.forces.rows):
+            raise SettingsError("tires of the model 'contact' on ground that is not level; accepted: any other set")
+        self._sensors = CarSensors(self.model, prefix)
 
     def place(self, speed: float = 0.0) -> None:
         """Place the car at the origin, heading along x, rolling at `speed` [m/s]."""

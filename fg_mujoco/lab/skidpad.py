@@ -54,10 +54,10 @@ class Skidpad:
     def measure(self, cell: Cell, settings: LabSettings) -> list[Row]:
         """Find the speeds of a circle at which something ends, and those of a rigid car."""
         circle = settings.circle(cell["mu"], cell["steering"])
-        found = {name: _first(circle, happens) for name, happens in _EVENTS.items()}
+        found = {name: first_speed(circle, happens) for name, happens in _EVENTS.items()}
         if "tips over" in found["lifts"][1] and circle.readings:  # from the last speed at which it settled
             found["lifts"] = circle.readings[-1].asked * circle.law, found["lifts"][1]
-        law, greatest = _law_speed(circle, settings), HIGH * circle.law
+        law, greatest = law_speed(circle, settings), HIGH * circle.law
         rigid, untied = (
             SteadyLimits.of(circle.ground, circle.mu, circle.steering, untied=each) for each in (False, True)
         )
@@ -170,19 +170,21 @@ def _takes_contact(vehicle: Vehicle) -> bool:
     return True
 
 
-def _first(circle: SteadyCircle, happens: Callable[[CircleReading], bool]) -> tuple[float, str]:
+def first_speed(
+    circle: SteadyCircle, happens: Callable[[CircleReading], bool], low: float = LOW
+) -> tuple[float, str]:
     """Return the speed at which something first happens [m/s]; infinite: never; NaN: not known, and why."""
     try:
-        before, after = circle.bisect(happens, low=LOW, high=HIGH)
+        before, after = circle.bisect(happens, low=low, high=HIGH)
     except NeverError:
         return math.inf, ""
     except UnreachableError as error:
         early = circle.readings and happens(circle.readings[0])
-        return (LOW * circle.law if early else math.nan), str(error)
+        return (low * circle.law if early else math.nan), str(error)
     return 0.5 * (before.asked + after.asked) * circle.law, ""
 
 
-def _law_speed(circle: SteadyCircle, settings: LabSettings) -> float:
+def law_speed(circle: SteadyCircle, settings: LabSettings) -> float:
     """Return the speed [m/s] that the law asks for on the circle: where it answers the speed at which it is asked."""
     readings = [reading for reading in circle.readings if not reading.lost]
     speeds = np.array([reading.speed for reading in readings])

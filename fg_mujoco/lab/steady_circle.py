@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.controllers.control.speed import friction_speed
 
+from ..course.ground import Ground
 from ..errors import SettingsError
 from ..messages import DriveCommand, FloatArray, Odometry
 from ..vehicle.car import WHEELS
@@ -24,11 +25,13 @@ from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .lab_ground import LabGround, Trace, join
 
-_PERIOD = 0.02  # [s] of the speed's control: whole steps of 0.25 to 5 ms
+PERIOD = 0.02
+"""[s] Of the control of the speed: whole steps of 0.25 to 5 ms."""
+
 _GAIN = 3.0  # [1/s] of the command's rate, per missing speed: slower than the speed servo, so that it does not swing
 _GENTLE = 0.06  # of mu g, for gaining speed: sqrt(1 - .06^2) of the grip is left
 _SETTLING = 0.5  # [s] after the speed is there: several times what yaw (.1 s) and springs (.2 s) take
-_WINDOW = 0.3  # [s] that is measured
+_WINDOW = 0.3  # [s] that is measured on level ground
 _STEADY, _WINDOWS = 3e-4, 60  # change of speed and yaw rate from one window to the next; and how many
 _SLIDES_ON = 3  # windows in which a tire slides, after which it does so for good
 _AT_ONCE = 0.1  # [s] between a wheel that slides and one that lifts for the same reason
@@ -70,6 +73,7 @@ class SteadyCircle:
       steering: angle [rad], left positive.
       timestep: of the physics [s]; None: at which the tires are right when they slide.
       tires: that the car stands on; None: its own.
+      surface: of the ground, see LabGround.
 
     Raises:
       SettingsError: a friction coefficient that the lab does not accept, no steering, or more than the car's lock.
@@ -83,9 +87,10 @@ class SteadyCircle:
         tires: Tires | None = None,
         vehicle: str | Vehicle = DEFAULT_VEHICLE,
         changes: CarChanges | None = None,
+        surface: Ground | None = None,
     ) -> None:
         self.tires = tires or Vehicle.load(vehicle).tires
-        self.ground = LabGround(greatest_peak(self.tires, mu), timestep, self.tires, vehicle, changes)
+        self.ground = LabGround(greatest_peak(self.tires, mu), timestep, self.tires, vehicle, changes, surface)
         self.car = self.ground.car.parameters
         self.mu, self.steering = mu, steering
         lock = self.car.max_steering_angle
@@ -138,26 +143,34 @@ class SteadyCircle:
             gained = (k - max(slower)) * self.law
         else:
             command = min(_START, 0.9 * k) * self.law
-            self.ground.place(command)
+            self._place(command)
             gained = target - command
         ramp = gained / (_GENTLE * self.mu * self.car.gravity)
         traces: list[Trace] = []
-        for _ in range(round((ramp + _SETTLING + _WINDOW) / _PERIOD)):
+        window = self._window(target)
+        for _ in range(round((ramp + _SETTLING + window) / PERIOD)):
             command = self._next_command(command, target)
-            traces.append(self.ground.hold(self._drive(command), _PERIOD))
+            traces.append(self.ground.hold(self._drive(command), PERIOD))
         slid = 0
         for _ in range(_WINDOWS):
-            last = join(traces[-2 * round(_WINDOW / _PERIOD) :])
-            slid = slid + 1 if last.last(_WINDOW).slip.slides.any() else 0
+            last = join(traces[-2 * round(window / PERIOD) :])
+            slid = slid + 1 if last.last(window).slip.slides.any() else 0
             if slid >= _SLIDES_ON or (not slid and self._steady(last, target)):
                 break
-            for _ in range(round(_WINDOW / _PERIOD)):
+            for _ in range(round(window / PERIOD)):
                 command = self._next_command(command, target)
-                traces.append(self.ground.hold(self._drive(command), _PERIOD))
+                traces.append(self.ground.hold(self._drive(command), PERIOD))
         reading = self._read(join(traces), k)
         if reading.k < k - _SHORT and not reading.lost:
             raise UnreachableError(f"the motor gives no more at {reading.speed:.2f} m/s; {target:.2f} were asked for")
         self._settled[k] = self.ground.state, command, reading
+
+    def _place(self, speed: float) -> None:
+        self.ground.place(speed)
+
+    def _window(self, speed: float) -> float:
+        """Return for how long a car at a speed [m/s] is measured [s]."""
+        return _WINDOW
 
     def _drive(self, command: float) -> DriveCommand:
         turned_in = min(1.0, self.ground.data.time / 0.5)
@@ -170,7 +183,7 @@ class SteadyCircle:
             raise UnreachableError("the car tips over first")
         gentle = _GENTLE * self.mu * self.car.gravity
         rate = _GAIN * (target - math.hypot(data.qvel[0], data.qvel[1]))
-        return command + _PERIOD * max(-gentle, min(gentle, rate))
+        return command + PERIOD * max(-gentle, min(gentle, rate))
 
     @staticmethod
     def _lifts(trace: Trace, lost: bool) -> bool:
@@ -181,12 +194,13 @@ class SteadyCircle:
 
     def _steady(self, trace: Trace, target: float) -> bool:
         """Return whether the car runs steadily: near the speed at which it would spin it leaves its circle slowly."""
-        before, last = trace[: len(trace.records) // 2], trace.last(_WINDOW)
+        half = len(trace.records) // 2
+        before, last = trace[:half], trace[half:]
         moved = abs(float(last.yaw_rate.mean()) / float(before.yaw_rate.mean()) - 1.0)
         return moved < _STEADY and abs(float(last.speed.mean()) / target - 1.0) < _STEADY
 
     def _read(self, whole: Trace, k: float) -> CircleReading:
-        trace = whole.last(_WINDOW)
+        trace = whole.last(self._window(k * self.law))
         slip, speed, sliding = trace.slip, float(trace.speed.mean()), whole.slip.slides
         lost = speed < (k - _SHORT) * self.law and bool(sliding.any())
         first = np.argwhere(sliding)

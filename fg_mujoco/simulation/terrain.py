@@ -57,6 +57,16 @@ def stand_on_terrain(spec: Any) -> None:
             geom.material, geom.rgba, geom.group, geom.contype, geom.conaffinity = "", _INVISIBLE, _HIDDEN_GROUP, 0, 0
 
 
+def on_terrain(car: Any, ground: Ground, prefix: str) -> Any:
+    """Return the spec of a car alone on a ground, which puts a prefix before the names of the car."""
+    spec = mujoco.MjSpec()
+    spec.option, spec.memory, spec.nuserdata, spec.nuser_geom = car.option, car.memory, car.nuserdata, car.nuser_geom
+    add_terrain(spec, ground)
+    spec.attach(car, frame=spec.worldbody.add_frame(), prefix=prefix)
+    stand_on_terrain(spec)
+    return spec
+
+
 def _add_field(spec: Any, name: str, ground: Ground, like: str = "") -> None:
     """Add a height field that is not seen, or another geom `like` one; heights are kept as shares of their range."""
     heights = ground.heights

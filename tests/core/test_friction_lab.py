@@ -128,6 +128,8 @@ def test_each_experiment_says_its_work_in_json_measures_it_and_draws_what_it_fou
     assert len({lab.cell_key(cell) for cell in cells}) == len(cells)
     one_of_each_law = {Tires.load(tires).model: tires for tires in tire_names()}
     monkeypatch.setattr("fg_mujoco.lab.skidpad.tire_names", lambda: tuple(one_of_each_law.values()))
+    some = (("bank", 10), ("crest", -8), ("roughness", "D"))
+    monkeypatch.setattr("fg_mujoco.lab.ground_circles.GROUNDS", some)
     result = run_lab([name], out=tmp_path, workers=1, settings=SHORT)
     (chapter,) = result.chapters
     assert not any("nan" in sentence.split() for sentence in chapter.section.sentences)
