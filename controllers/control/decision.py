@@ -34,6 +34,7 @@ import numpy as np
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.native import core, record
 
+from ..safety.friction_limiter import FELT_GROUND
 from .stages import NativeStep, Stage, Tick
 
 LEFT_ALONE = 0.01
@@ -90,6 +91,10 @@ SAFETY_FILTER_STAGE = Stage(
 RECOVERY_STAGE = Stage(
     text="a car that stands without a frontier reverses and tries again", needs=("safety_filter",), needs_friction=True
 )
+IMU_STAGE = Stage(
+    text="the friction limiter counts on the load, the bank and the twist of the road that the IMU feels",
+    needs=("limiter",), needs_friction=True, before_reference=NativeStep("feel_ground"), state_type=FELT_GROUND,
+)  # fmt: skip
 LIMITER_STAGE = Stage(
     text="the command is one that the tires can follow without sliding", needs_friction=True,
     drive=NativeStep("drive_held"),

@@ -69,6 +69,7 @@ STAGES: Registry[object] = Registry(
         "friction_law": f"{_DECISION}FRICTION_LAW_STAGE",
         "prediction": f"{_DECISION}PREDICTION_STAGE",
         "guidance": f"{_DECISION}GUIDANCE_STAGE",
+        "imu": f"{_DECISION}IMU_STAGE",
         "limiter": f"{_DECISION}LIMITER_STAGE",
         "sight": f"{_DECISION}SIGHT_STAGE",
         "safety_filter": f"{_DECISION}SAFETY_FILTER_STAGE",

@@ -115,11 +115,29 @@ LIMITER = record(
         ("braking", np.float64),  # [m/s^2]
         ("accelerating", np.float64),  # [m/s^2]
         ("yaw_lag", np.float64),  # [m]
+        ("level", np.float64, (4,)),  # mu, lateral, braking, accelerating on level ground, see FELT_GROUND
         ("shares", np.float64, (2, _SHARES)),  # of braking, accelerating: see `longitudinal_share`
         ("slip", SLIP),  # angles that the tires need
     ],
 )
 """Type of the row that `limited` reads."""
+
+FELT_GROUND = record(
+    "FeltGround",
+    [
+        ("load", np.float64),  # [-] more than the weight, over it
+        ("bank", np.float64),  # [-] acceleration to the left over g that the ground gives
+        ("twist", np.float64),  # [rad/m] roll along the way
+    ],
+)
+"""Type of what the stage `imu` keeps; zero: the ground is level.
+
+The accelerometer reads what the tires give: upwards the load over the mass, and to the left less than v times the yaw
+rate by what gravity gives on a bank. So the mu of cornering is mu load + bank, and braking and accelerating change with
+the load. Where a bank begins the road is twisted, and the car rolls along the way: one rear wheel carries less, by 8
+times its load for each rad/m (f1tenth, by its springs: 3.6 at rest, 6.5 while it brakes). Readings pass a filter of the
+time constant .05 s. Stops that are planned from a table (braking_trajectories) are those of level ground.
+"""
 
 LIMITER_MEMORY = record(
     "LimiterMemory",
@@ -242,6 +260,7 @@ class FrictionLimiter:
         self.record["mu"], self.record["shares"] = held, left / left[:, -1:]
         for name in ("lateral", "braking", "accelerating", "yaw_lag"):
             self.record[name] = getattr(self, name)
+        self.record["level"] = held, self.lateral, self.braking, self.accelerating
         self.record["slip"] = slip
         self._memory = np.zeros(1, LIMITER_MEMORY)
 

@@ -43,6 +43,7 @@ void bind_records(nb::module_& module) {
     FG_ADD(Driver);
     FG_ADD(DrivingMemory);
     FG_ADD(DrivingSettings);
+    FG_ADD(FeltGround);
     FG_ADD(FrictionLimiterSettings);
     FG_ADD(FrontierSearch);
     FG_ADD(Gear);

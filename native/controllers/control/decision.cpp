@@ -197,6 +197,10 @@ void predict(const Tick& tick) {
             tick.memory.predictions);
 }
 
+void feel_ground(const Tick& tick, FeltGround& felt) {
+    feel_ground(tick.driver.limiter, felt, tick.odometry, period_of(tick.geometry));
+}
+
 void begin(const Tick& tick) {
     const Driver& driver = tick.driver;
     Reference& reference = tick.reference;

@@ -10,6 +10,9 @@ namespace fg {
 // Track what moves, and take it out of the scan.
 void predict(const Tick& tick);
 
+// Set the friction limiter to the ground that the IMU feels.
+void feel_ground(const Tick& tick, FeltGround& felt);
+
 // Begin a decision: its reasons, the velocity frame, and the speedometer.
 void begin(const Tick& tick);
 

@@ -10,6 +10,7 @@ extern "C" {
 
 void fg_see(std::int64_t address) noexcept { fg::see_at(address); }
 void fg_predict(std::int64_t address) noexcept { fg::for_each_world(address, fg::predict); }
+void fg_feel_ground(std::int64_t address) noexcept { fg::for_each_world<fg::FeltGround>(address, fg::feel_ground); }
 void fg_refer_by_gap_finder(std::int64_t address) noexcept {
     fg::for_each_world<fg::PlannerState<fg::GapFinderSettings>>(address, fg::refer_by_gap_finder);
 }
@@ -28,6 +29,7 @@ Row<const NamedStep> steps() {
     static constexpr NamedStep named[] = {
         {"see", fg_see},
         {"predict", fg_predict},
+        {"feel_ground", fg_feel_ground},
         {"refer_by_gap_finder", fg_refer_by_gap_finder},
         {"begin", fg_begin},
         {"guide_reference", fg_guide_reference},

@@ -13,6 +13,10 @@ constexpr double slow = 0.6;            // [m/s] a faster car brakes as its stop
 constexpr double least_stable = 0.2;    // share of braking, whatever the critical speed
 constexpr double rolls = 1.0;           // [rad/s] of a wheel: below it rolling takes in proportion to its turning
 constexpr double most_held = 4.0;       // [-] acceleration over g that is looked at
+constexpr double felt_time = 0.05;      // [s] constant of the filter of what the IMU says
+constexpr double twist_length = 8.0;    // [m] share of its load that a wheel loses for a twist of 1 rad/m
+constexpr double crawls = 1.0;          // [m/s] a roll rate is over this speed at least
+constexpr double least_felt = 0.3, most_cornering = 1.5, most_load = 1.2, most_twisted = 0.8;  // [-] of level ground
 
 // Return a steering angle [rad] with which the path is no tighter than 1 allows, although the car turns in more.
 //
@@ -105,6 +109,24 @@ double approach(const Limiter& limiter, LimiterMemory& memory, double missing_sp
 }
 
 }  // namespace
+
+void feel_ground(Limiter& limiter, FeltGround& felt, const Odometry& odometry, double period) {
+    const double gravity = limiter.car.gravity, speed = odometry.speed, turn = odometry.angular_velocity[2];
+    const double share = share_of_way(period, felt_time);
+    const auto feel = [share](double& kept, double reading) {
+        if (std::isfinite(reading)) kept += share * (reading - kept);
+    };
+    feel(felt.load, odometry.linear_acceleration[2] / gravity - 1.0);
+    feel(felt.bank, (speed * turn - odometry.linear_acceleration[1]) / gravity);
+    feel(felt.twist, odometry.angular_velocity[0] / max(std::abs(speed), crawls));
+    const auto [mu, lateral, braking, accelerating] = limiter.level;
+    const double cornering = 1.0 + felt.load + std::copysign(1.0, turn) * felt.bank / mu;
+    const double across = min(max(cornering, least_felt), most_cornering);
+    const double along = min(max(1.0 + felt.load, least_felt), most_load) *
+                         (1.0 - min(twist_length * std::abs(felt.twist), most_twisted));
+    limiter.mu = across * mu, limiter.lateral = across * lateral;
+    limiter.braking = along * braking, limiter.accelerating = along * accelerating;
+}
 
 void find_held(Matrix axles, double mu, double moved, bool soft, bool shaft, Row<double> found) {
     const Numbers levers = axles[0], pitch = axles[1], peaks = axles[2], forces = axles[3];

@@ -4,6 +4,7 @@
 
 #include "../../core/arrays.hpp"
 #include "../../core/records.hpp"
+#include "../../messages.hpp"
 #include "../control/planner_settings.hpp"
 #include "../control/slip.hpp"
 
@@ -37,10 +38,11 @@ struct Limiter {
     double braking;  // [m/s^2]
     double accelerating;  // [m/s^2]
     double yaw_lag;  // [m]
+    double level[4];  // mu, lateral, braking, accelerating on level ground, see `feel_ground`
     double shares[2][limiter_shares];  // of braking, accelerating: see `longitudinal_share`
     Slip slip;  // angles that the tires need
 };
-FG_RECORD(Limiter, settings, car, mu, lateral, braking, accelerating, yaw_lag, shares, slip);
+FG_RECORD(Limiter, settings, car, mu, lateral, braking, accelerating, yaw_lag, level, shares, slip);
 
 // Type of what a limiter keeps from one tick to the next; zero at the beginning.
 struct LimiterMemory {
@@ -49,6 +51,17 @@ struct LimiterMemory {
     double curvature;  // [1/m] of the path that the car is on; of tires that need slip angles, see slip
 };
 FG_RECORD(LimiterMemory, acceleration, lateral_use, curvature);
+
+// What the IMU says of the ground; zero: it is level.
+struct FeltGround {
+    double load;  // [-] more than the weight, over it
+    double bank;  // [-] acceleration to the left over g that the ground gives
+    double twist;  // [rad/m] roll along the way
+};
+FG_RECORD(FeltGround, load, bank, twist);
+
+// Set a limiter to what the tires hold on the ground that the IMU feels.
+void feel_ground(Limiter& limiter, FeltGround& felt, const Odometry& odometry, double period);
 
 // Write the acceleration over g at each share of a limiter; `axles` are numbers of the front and of the rear one.
 void find_held(Matrix axles, double mu, double moved, bool soft, bool shaft, Row<double> found);
