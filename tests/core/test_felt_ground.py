@@ -10,6 +10,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.lab.ground_circles import closed_form
 from scan_worlds import CAR, odometry_of, scan_of
 
 GRAVITY, MU, STEERING = 9.81, 0.8, 0.1
@@ -38,44 +39,39 @@ def limit(acceleration, *, speed=2.0, roll=0.0, turn=1.0, ticks=40, planner=None
     return allowed, float(own["braking"] / own["level"][2]), float(own["accelerating"] / own["level"][3])
 
 
-def level(speed=2.0):
-    return limit((0.0, speed**2 / RADIUS, GRAVITY), speed=speed)
+LEVEL = limit((0.0, 4.0 / RADIUS, GRAVITY))
 
 
 @each("degrees", [-10.0, -5.0, 0.0, 5.0, 10.0])
 def test_a_circle_on_a_bank_is_allowed_at_the_speed_of_its_closed_form(degrees):
     """At that speed the IMU reads the forces of the tires, and the limiter asks for no other."""
     bank = math.radians(degrees)
-    slope = math.tan(bank)
-    speed = math.sqrt(GRAVITY * RADIUS * (MU + slope) / (1.0 - MU * slope))
+    speed = closed_form("bank", degrees, MU, RADIUS) * math.sqrt(GRAVITY * RADIUS * MU)
     inward = speed**2 / RADIUS
     across = inward * math.cos(bank) - GRAVITY * math.sin(bank)
     up = GRAVITY * math.cos(bank) + inward * math.sin(bank)
     assert across / up == pytest.approx(MU)
     allowed, _, _ = limit((0.0, across, up), speed=speed, turn=math.cos(bank))
-    assert allowed / level()[0] == pytest.approx(speed * math.sqrt(math.cos(bank) / (GRAVITY * RADIUS * MU)), rel=1e-3)
+    assert allowed / LEVEL[0] == pytest.approx(speed * math.sqrt(math.cos(bank) / (GRAVITY * RADIUS * MU)), rel=1e-3)
 
 
 @each("load", [0.5, 0.8, 1.1])
 def test_over_a_crest_all_limits_are_those_of_the_load(load):
-    allowed, braking, accelerating = limit((0.0, 4.0 / RADIUS, load * GRAVITY))
-    assert (allowed / level()[0]) ** 2 == pytest.approx(load, rel=1e-3)
-    assert (braking, accelerating) == pytest.approx((load, load), rel=1e-3)
+    asked = LEVEL[0] * math.sqrt(load), load, load
+    assert limit((0.0, 4.0 / RADIUS, load * GRAVITY)) == pytest.approx(asked, rel=1e-3)
 
 
 def test_a_twisted_road_limits_braking_and_not_the_speed_of_a_circle_and_no_reading_is_kept_that_is_none():
-    lateral = 4.0 / RADIUS
-    allowed, braking, accelerating = limit((0.0, lateral, GRAVITY), roll=0.1)  # .05 rad/m
-    assert braking == accelerating == pytest.approx(0.6, rel=1e-3) and allowed == pytest.approx(level()[0])
-    assert limit((0.0, lateral, GRAVITY), roll=2.0)[1] == pytest.approx(0.2, rel=1e-3)
-    assert limit((0.0, math.nan, math.nan))[0] == pytest.approx(level()[0])
+    assert limit((0.0, 4.0 / RADIUS, GRAVITY), roll=0.1) == pytest.approx((LEVEL[0], 0.6, 0.6), rel=1e-3)  # .05 rad/m
+    assert limit((0.0, 4.0 / RADIUS, GRAVITY), roll=2.0) == pytest.approx((LEVEL[0], 0.2, 0.2), rel=1e-3)
+    assert limit((0.0, math.nan, math.nan)) == pytest.approx(LEVEL)
 
 
 def test_a_reset_planner_is_on_level_ground_again():
     planner = Circling(CAR, MU, max_speed=20.0, assist="limiter+imu")
     limit((0.0, 4.0 / RADIUS, 0.5 * GRAVITY), planner=planner)
     planner.reset()
-    assert limit((0.0, 4.0 / RADIUS, GRAVITY), planner=planner, ticks=1) == pytest.approx(level(), rel=1e-9)
+    assert limit((0.0, 4.0 / RADIUS, GRAVITY), planner=planner, ticks=1) == pytest.approx(LEVEL, rel=1e-9)
 
 
 def test_a_planner_with_it_brakes_into_a_banked_bend_without_a_slide_and_no_slower():
