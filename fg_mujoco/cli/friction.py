@@ -56,7 +56,9 @@ def _experiment(parser: argparse.ArgumentParser) -> None:
         "default: as published", "LIST", _range, title="floor",
     ),
     option("--planner-mu", "of mismatch: friction that the planner is told, likewise", "LIST", _range, title="floor"),
-    option("--steering", "steering angles [rad], likewise; default: 0.05,0.1,0.2,0.3,0.4", "LIST", _range),
+    option(
+        "--steering", "steering angles [rad], likewise; default: 0.05,0.1,0.2,0.3,0.4; of ground 0.1", "LIST", _range,
+    ),
     option("--track", "of laps and mismatch, several may be given", "TRACK", names=NAMES["track"], action="append"),
     setup_options(
         "controller", "assist", "laps", "vehicle", "tires", "floor", "mass", "cog_height", "steering_gain",

@@ -17,10 +17,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-import mujoco
 import numpy as np
 
 from ..course.ground import ROUGHNESS, Ground, Relief, rough_heights
+from ..errors import SettingsError
 from ..messages import DriveCommand
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
@@ -29,7 +29,7 @@ from .experiment import ONE_SET, TOLD, Cell, Experiment, LabSettings, Row, Secti
 from .lab_ground import Trace
 from .limits import LEAVES
 from .skidpad import first_speed, law_speed
-from .steady_circle import PERIOD, CircleReading, SteadyCircle
+from .steady_circle import PERIOD, CircleReading, SteadyCircle, UnreachableError
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -44,6 +44,14 @@ _BESIDE, _CELL = 2.0, 0.05  # [m] of ground outside the circle, and between its 
 _WAVE = 5.0  # [m] about the length of a crest and a sag
 _BANDWIDTH, _NEAREST = 4.0, 1.5  # [rad/s], [1/m] of the steering: soft tires take some tenths of a second
 _RARE = 0.01  # of the time
+_NUMBERS = (
+    "law_speed_m_s", "closed_form_over_law", "slides_over_law", "leaves_over_law", "law_over_slides",
+    "load_over_closed_form", "load_variation", "rare_load_root",
+)  # fmt: skip
+_HEADS = (
+    "ground", "mu", "steering", "law m/s", "closed form", "slides", "leaves", "law over slides", "load", "varies",
+    "root",
+)  # fmt: skip
 
 
 class Lap(NamedTuple):
@@ -68,9 +76,7 @@ class GroundCircle(SteadyCircle):
         self._offsets: list[float] = []
 
     def _place(self, speed: float) -> None:
-        mujoco.mj_resetData(self.ground.model, self.ground.data)
-        self.ground.car.set_pose(self.ground.data, 0.0, -self.radius, 0.0, speed)
-        self.ground.forces.begin(self.ground.data)
+        self.ground.place(speed, -self.radius)
 
     def _window(self, speed: float) -> float:
         return PERIOD * math.ceil(2.0 * math.pi * self.radius / speed / PERIOD)
@@ -150,9 +156,16 @@ class GroundCircles:
     def measure(self, cell: Cell, settings: LabSettings) -> list[Row]:
         """Find the speeds at which a tire slides and the car leaves its circle, and the loads before."""
         kind, value = cell["ground"], cell["value"]
-        circle = GroundCircle(settings.told(cell["mu"]), cell["steering"], settings, kind, value)
         sag = kind == "crest" and value < 0
-        before = circle.at(_LOADED)
+        row: Row = {
+            "mu": cell["mu"], "steering_rad": cell["steering"], "ground": f"sag {-value}" if sag else f"{kind} {value}",
+            "kind": kind, "bank_deg": value if kind == "bank" else math.nan, "safe": False,
+        }  # fmt: skip
+        try:
+            circle = GroundCircle(settings.told(cell["mu"]), cell["steering"], settings, kind, value)
+            before = circle.at(_LOADED)
+        except (SettingsError, UnreachableError) as error:  # tires that cannot stand there, or cannot stay
+            return [row | dict.fromkeys(_NUMBERS, math.nan) | {"reason": str(error)}]
         lap, pull = circle.laps[before.asked], circle.mu * before.k**2
         never = (math.nan, "the crests beside it end the circle")
         found = {
@@ -166,16 +179,12 @@ class GroundCircles:
             found["slides"] = math.nan, NO_PEAK
         law, form = law_speed(circle, settings), closed_form(kind, value, circle.mu, circle.radius)
         load = (lap.most if sag else lap.least) / load_factor(kind, value, pull, circle.radius)
-        row: Row = {
-            "mu": cell["mu"], "steering_rad": cell["steering"], "ground": _named(kind, value), "kind": kind,
-            "bank_deg": value if kind == "bank" else math.nan, "law_mu": circle.mu, "law_speed_m_s": law,
-            "closed_form_over_law": form * circle.law / law,
-            **{f"{name}_over_law": speed / law for name, (speed, _) in found.items()},
-            "law_over_slides": law / found["slides"][0], "load_over_closed_form": load,
-            "load_variation": lap.variation, "rare_load_root": math.sqrt(max(lap.rare, 0.0)),
-        }  # fmt: skip
-        safe = not min(number(row, "leaves_over_law"), number(row, "slides_over_law")) < 1.0
-        return [row | {"safe": safe, "reason": "; ".join(f"{name}: {why}" for name, (_, why) in found.items() if why)}]
+        speeds = [form * circle.law, *(speed for speed, _ in found.values())]
+        over = [speed / law for speed in speeds]
+        numbers = (law, *over, law / speeds[1], load, lap.variation, math.sqrt(max(lap.rare, 0.0)))
+        reason = "; ".join(f"{name}: {why}" for name, (_, why) in found.items() if why)
+        row |= dict(zip(_NUMBERS, numbers, strict=True))
+        return [row | {"safe": not any(speed < 1.0 for speed in over[1:]), "reason": reason}]
 
     def section(self, rows: list[Row], settings: LabSettings) -> Section:
         """Say how far the law is unsafe, and how near the closed forms are."""
@@ -185,9 +194,11 @@ class GroundCircles:
             f"On banks the car leaves its circle at {style.span(over[steady], '.2f')} of the closed form's speed, on "
             f"all of the grounds at {style.span(column(rows, 'leaves_over_law'), '.2f')} of the law's."
         )
+        if np.isnan(column(rows, "law_speed_m_s")).all():
+            first = f"Nothing was driven: {rows[0]['reason']}."
         key = (
-            "Speeds over the law's: of the closed form, at which a tire slides, and from which the car is off its "
-            f"circle by {100 * LEAVES:g} % of the radius."
+            "Banks [deg], radii of crests and sags [m]. Speeds over the law's: of the closed form, at which a tire "
+            f"slides, and from which the car is off its circle by {100 * LEAVES:g} % of the radius."
         )
         loads = (
             f"Load: at {_LOADED:g} of sqrt(g mu r), over the closed form's. Varies: an axle's load, standard deviation "
@@ -195,23 +206,12 @@ class GroundCircles:
         )
         return Section(
             sentences=(first, key, loads, TOLD),
-            columns={
-                "ground": "ground", "mu": "mu", "steering": "steering_rad", "law m/s": "law_speed_m_s",
-                "closed form": "closed_form_over_law", "slides": "slides_over_law", "leaves": "leaves_over_law",
-                "law over slides": "law_over_slides", "load": "load_over_closed_form", "varies": "load_variation",
-                "root": "rare_load_root",
-            },
+            columns=dict(zip(_HEADS, ("ground", "mu", "steering_rad", *_NUMBERS), strict=True)),
             draw=lambda figure: _draw(figure, rows),
-        )  # fmt: skip
+        )
 
 
 EXPERIMENT: Experiment = GroundCircles()
-
-
-def _named(kind: str, value: float | str) -> str:
-    if kind == "crest" and not isinstance(value, str) and value < 0:
-        return f"sag {-value} m"
-    return f"{kind} {value}" + {"bank": " deg", "crest": " m"}.get(kind, "")
 
 
 def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:

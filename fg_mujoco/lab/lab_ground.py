@@ -162,10 +162,10 @@ class LabGround:
             raise SettingsError("tires of the model 'contact' on ground that is not level; accepted: any other set")
         self._sensors = CarSensors(self.model, prefix)
 
-    def place(self, speed: float = 0.0) -> None:
-        """Place the car at the origin, heading along x, rolling at `speed` [m/s]."""
+    def place(self, speed: float = 0.0, y: float = 0.0) -> None:
+        """Place the car at x = 0 and `y` [m], heading along x, rolling at `speed` [m/s]."""
         mujoco.mj_resetData(self.model, self.data)
-        self.car.set_pose(self.data, 0.0, 0.0, 0.0, speed)
+        self.car.set_pose(self.data, 0.0, y, 0.0, speed)
         self.forces.begin(self.data)
 
     def hold(self, command: DriveCommand, seconds: float = TICK) -> Trace:
