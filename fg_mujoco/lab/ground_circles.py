@@ -40,8 +40,7 @@ GROUNDS = (*(("bank", each) for each in (-10, -5, 0, 5, 10, 15, 20)), ("crest", 
 
 _STEERINGS = (0.1,)  # [rad] unless a setting names others
 _LOW, _LOADED = 0.3, 0.6  # of sqrt(g mu r): what is looked at from, and at what loads are compared
-_BESIDE, _CELL = 2.0, 0.05  # [m] of ground outside the circle, and between its heights
-_WAVE = 5.0  # [m] about the length of a crest and a sag
+_BESIDE, _CELL, _WAVE = 2.0, 0.05, 5.0  # [m] of ground outside the circle; between heights; of a crest and a sag
 _BANDWIDTH, _NEAREST = 4.0, 1.5  # [rad/s], [1/m] of the steering: soft tires take some tenths of a second
 _RARE = 0.01  # of the time
 _NUMBERS = (
@@ -216,8 +215,7 @@ EXPERIMENT: Experiment = GroundCircles()
 
 def _draw(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
     left, right = figure.subplots(1, 2, sharey=True)
-    names = [str(row["ground"]) for row in rows if row["kind"] != "bank"]
-    others = list(dict.fromkeys(names))
+    others = list(dict.fromkeys(str(row["ground"]) for row in rows if row["kind"] != "bank"))
     circles = list(dict.fromkeys((number(row, "mu"), number(row, "steering_rad")) for row in rows))
     for index, (mu, angle) in enumerate(circles):
         colour = style.COLOURS[index % len(style.COLOURS)]
