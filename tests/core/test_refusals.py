@@ -265,7 +265,7 @@ LINES = {
     "friction skidpad --mu 0.5:0.3": "LOW below HIGH",
     "friction skidpad --mu .5 --floor ipz8": "the floor sets one, too", "friction skidpad --law limit": "'limiter'?",
     "friction laps --steering 0.1": "--steering with laps; accepted: with skidpad, sets, ground, step, braking, or all",
-    "friction step --track oval": "with laps, mismatch, or all", "friction sets --tires ipz": "with skidpad, ground, step,",
+    "friction step --track oval": "with laps, mismatch, or all", "friction sets --tires ipz": "with skidpad, ground,",
     "friction step --controller random": "--controller with step; accepted: with laps,",
     "friction braking --law field": "--law with braking", "friction laps --track hairpin": "'hairpins'",
     "drive": "drive has no commands; accepted: step_steer", "drive circl": "did you mean 'circle'?",
