@@ -34,7 +34,7 @@ def definition_sha256(definition: Mapping[str, FloatArray]) -> str:
 
 
 def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
-    """Return the Track, MapTrack or Scene whose `definition` this is; raise TrackError for that of another class."""
+    """Return the course whose `definition` this is; raise TrackError for that of a class of another package."""
     from .scene import Scene
 
     islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
@@ -49,9 +49,9 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
         from .ground import Relief
 
         dressed["relief"] = Relief.of(definition)
-    if "rules" not in names:
-        names = tuple(key for key in names if key not in ("moving", "built", "relief", "heights"))
-    lines: dict[str, Any] = {key: definition[key] for key in names} | ({} if "rules" in names else dressed)
+    shared = ("relief", "heights") if "rules" in names else ("moving", "built", "relief", "heights")
+    names = tuple(key for key in names if key not in shared)
+    lines: dict[str, Any] = {key: definition[key] for key in names} | dressed
     if names == _TRACK:
         return Track(name=name, moving=moving, **lines)
     if names == _TRACK + _WALLS:
@@ -62,6 +62,10 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
         return Scene(
             name=name, way=definition["way"], start=start, goal=goal, time_limit=time_limit,
             goal_is_to_stop=bool(goal_is_to_stop), walls=solids_of(definition["walls"]),
-            obstacles=solids_of(definition["obstacles"]), moving=moving,
+            obstacles=solids_of(definition["obstacles"]), moving=moving, **dressed,
         )  # fmt: skip
+    if names == ("seconds",):
+        from .open_ground import OpenGround
+
+        return OpenGround(seconds=float(definition["seconds"][0]), name=name, **dressed)
     raise TrackError(f"course {name!r} is made of {', '.join(definition)}; accepted: the parts of a Track or a Scene")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from .. import from_addons
 from ..errors import SettingsError, TrackError, accepted_names, nearest
@@ -60,7 +60,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
       name_or_path: a bundled name, `random:SEED`, `random:SEED:tight`, `scene:NAME`, `scene:NAME:SEED`, or a path to a
         centreline `.csv` or to a map's `.yaml`, or a text of a format that an installed package registers; with
         settings in brackets where wanted: of a file (centreline_csv.load_centreline, map_track.load_map), and of the
-        walls and the ground of any circuit (built_walls.SETTINGS, ground.SETTINGS).
+        walls of any circuit, and of the ground of any course (built_walls.SETTINGS, ground.SETTINGS).
       car: that a scene is made for: its gaps are measured in widths of the car.
 
     Raises:
@@ -84,10 +84,16 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
             own[field] = make(**{room.FIELDS.get(key, key): value for key, value in settings.items()}) if told else None
         except SettingsError as error:
             raise TrackError(f"{name!r}: {error}") from error
-    course = _load(name[: match.start()] + (f"[{','.join(texts)}]" if texts else ""), car)
-    if not isinstance(course, Track):
-        raise TrackError(f"{name!r} has settings of walls or ground; accepted: those of a circuit")
-    return replace(course, name=name, **own)
+    course: Any = _load(name[: match.start()] + (f"[{','.join(texts)}]" if texts else ""), car)
+    if own["built"] is None and not isinstance(course, Track):
+        del own["built"]
+    if any(not hasattr(course, field) for field in own):
+        said = f"{name!r} has settings of walls or ground"
+        raise TrackError(f"{said}; accepted: those of walls of a circuit, those of ground of a circuit or scene")
+    try:
+        return cast(Course, replace(course, name=name, **own))
+    except SettingsError as error:
+        raise TrackError(f"{name!r}: {error}") from error
 
 
 def _load(name: str, car: CarParameters) -> Course:

@@ -1,10 +1,11 @@
-"""The ground of a circuit that is not level: banks, a ramp, a crest, roughness, or heights of one's own.
+"""The ground of a course that is not level: banks, a ramp, a crest, roughness, or heights of one's own.
 
     result = race("oval[bank=15,roughness=C]")
     course = replace(load_track("oval"), relief=Relief(ramp=10.0))
 
 There is one surface: a height field, whose nodes are `Ground.heights`. Between them it is bicubic (native/vehicle/
-terrain.hpp), and all that stands on the circuit stands on it. Heights are over the level that the line would have.
+terrain.hpp), and all that stands on the course stands on it. Heights are over the level that the line would have.
+Banks, ramps and crests are of circuits. A scene takes roughness and heights of one's own, open ground the heights.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ ROUGHNESS = {"": 0.0, "A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}
 SCALE = 0.1
 """Of our cars: a road's heights and lengths are so many times as great for them."""
 
-_CELL, _FINE_CELL = 0.1, 0.05  # [m]
+_CELL, _FINE_CELL, _COARSE_CELL = 0.1, 0.05, 0.2  # [m] the last of circuits too large for the first
 _BEYOND = 1.5  # [m] of ground round the walls
 _STEEPEST_BANK, _STEEPEST_RAMP = 30.0, 20.0  # [deg]
 _PLATEAU, _RISE, _ROUNDED = 1.0, 0.25, 1.0  # [m] a ramp's length on top, its height, and over what its corners are
@@ -39,7 +40,9 @@ _STRAIGHT = 0.05  # [1/m] curvature of a stretch that takes a ramp
 _LONGEST_WAVE, _SHORTEST_WAVE, _WAVES = 5.0, 0.2, 160  # [m] of roughness, at our scale
 _STEEPEST = 1.0  # slope of a road: 45 degrees
 _MOST_NODES = 1_100_000
-_SPACING, _CHUNK = 0.1, 2048  # [m] between points of the line that nodes are near to, and nodes at a time
+_SPACING, _BLOCK = 0.1, 16  # [m] between points of the line that nodes are near to; side of so many nodes at a time
+_BEYOND_STEEPEST, _LEVEL_ENOUGH = 1.2, 0.1  # share of its bank and ramp, and slope, of ground where stretches meet
+_AVERAGED, _REACH = 400, 2  # times at most, and nodes on either side
 _CLEAR = 1.0  # [m] of the start line to a ramp
 _EASED = 2.0  # [m] over which a bank begins
 
@@ -47,7 +50,7 @@ _EASED = 2.0  # [m] over which a bank begins
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Relief:
-    """What the ground of a circuit has.
+    """What the ground of a course has.
 
     Raises:
       SettingsError: a value out of its range.
@@ -97,6 +100,12 @@ class Relief:
     def level(self) -> bool:
         """Whether it has nothing."""
         return self.heights is None and not (self.bank or self.ramp or self.crest or self.roughness)
+
+    @property
+    def own(self) -> Ground:
+        """The heights of one's own, where it has them, where they lie."""
+        assert self.heights is not None
+        return Ground(heights=self.heights, corner=self.corner, cell=self.cell)
 
     @property
     def definition(self) -> dict[str, FloatArray]:
@@ -151,6 +160,12 @@ class Ground:
     cell: float  # [m] between two
 
     @property
+    def bounds(self) -> FloatArray:
+        """Least and greatest x and y of its nodes. Shape (2, 2) [m]."""
+        rows, columns = self.heights.shape
+        return np.array([self.corner, np.add(self.corner, self.cell * np.array([columns - 1, rows - 1]))])
+
+    @property
     def flat(self) -> bool:
         """Whether it is level ground after all."""
         return not self.heights.any()
@@ -175,54 +190,99 @@ class Ground:
 
 
 def make_ground(track: Any) -> Ground | None:
-    """Return the ground of a Track, as its relief says; None: it is level.
+    """Return the ground of a course, as its relief says; None: it is level.
 
     Raises:
-      TrackError: no stretch is long enough for its ramp, or the road is too steep somewhere.
+      TrackError: no stretch is long enough for its ramp, the road is too steep somewhere, or the course is too large.
     """
     relief = track.relief
     if relief.level:
         return None
+    shaped = relief.bank or relief.ramp or relief.crest
+    if shaped and not track.closed:
+        said = f"{track.name!r} has a bank, ramp or crest"
+        raise TrackError(f"{said}; accepted: roughness or heights, where the line is not closed")
     cell = relief.cell if relief.heights is not None else _FINE_CELL if relief.roughness else _CELL
-    points = np.concatenate((*track.edges, *(solid.corners() for solid in track.hall)))
-    low = np.floor((points.min(axis=0) - _BEYOND) / cell) * cell
-    columns, rows = (np.ceil((points.max(axis=0) + _BEYOND - low) / cell).astype(int) + 1).tolist()
+    points = np.concatenate((track.bounds, *track.edges, *(each.corners() for each in getattr(track, "hall", ()))))
+    low, rows, columns = _grid(points, cell)
+    if rows * columns > _MOST_NODES and cell == _CELL and relief.heights is None:
+        cell = _COARSE_CELL
+        low, rows, columns = _grid(points, cell)
     if rows * columns > _MOST_NODES:
-        raise TrackError(f"the ground of {track.name!r} has {rows * columns} nodes; accepted: {_MOST_NODES} at most")
+        said = f"the ground of {track.name!r} has {rows * columns} nodes, {cell:g} m apart"
+        raise TrackError(f"{said}; accepted: {_MOST_NODES} at most")
     x, y = low[0] + cell * np.arange(columns), low[1] + cell * np.arange(rows)
-    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    heights = np.zeros(len(nodes))
-    if relief.bank or relief.ramp or relief.crest:
-        heights += _along_and_across(track, *_places(track, nodes))
+    nodes = np.stack(np.meshgrid(x, y), axis=-1)
+    heights = np.zeros(rows * columns)
+    if shaped:
+        most = math.tan(math.radians(abs(relief.bank))) + math.tan(math.radians(relief.ramp))
+        found = _along_and_across(track, *_places(track, nodes)).reshape(rows, columns)
+        heights += _without_steps(found, (_BEYOND_STEEPEST * most + _LEVEL_ENOUGH) * cell).ravel()
+    nodes = nodes.reshape(-1, 2)
     if relief.roughness:
         heights += rough_heights(nodes, relief)
     if relief.heights is not None:
-        heights += Ground(heights=relief.heights, corner=relief.corner, cell=relief.cell).at(nodes)
+        heights += relief.own.at(nodes)
     ground = Ground(heights=read_only(heights.reshape(rows, columns)), corner=(float(low[0]), float(low[1])), cell=cell)
     _check_slope(track, ground, nodes)
     return ground
 
 
+def _grid(points: FloatArray, cell: float) -> tuple[FloatArray, int, int]:
+    """Return the first node of a field round points (n, 2) [m], and how many rows and columns it has."""
+    low = np.floor((points.min(axis=0) - _BEYOND) / cell) * cell
+    columns, rows = (np.ceil((points.max(axis=0) + _BEYOND - low) / cell).astype(int) + 1).tolist()
+    return low, rows, columns
+
+
 def _places(track: Any, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return progress and offset, left positive, of nodes (n, 2) [m]: of the nearer segment at the nearest point."""
+    """Return progress and offset, left positive, of nodes (rows, columns, 2) [m]. Shape (rows * columns,) [m] each.
+
+    They are those of the nearer segment at the nearest point of the line, which is looked for by blocks of nodes.
+    """
     (line,) = subdivide(track.centreline, _SPACING)
     ahead, lengths = steps(line), step_lengths(line)
-    s, found = np.cumsum(lengths) - lengths, np.empty((2, len(nodes)))
-    for first in range(0, len(nodes), _CHUNK):
-        points = nodes[first : first + _CHUNK]
+    s, found = np.cumsum(lengths) - lengths, np.empty((2, *nodes.shape[:2]))
+    for corner in np.ndindex(*(-(-count // _BLOCK) for count in nodes.shape[:2])):
+        rows, columns = (slice(_BLOCK * first, _BLOCK * (first + 1)) for first in corner)
+        block = nodes[rows, columns]
+        points, middle = block.reshape(-1, 2), 0.5 * (block[0, 0] + block[-1, -1])
+        away = np.hypot(*(line - middle).T)
+        near = np.flatnonzero(away <= away.min() + 1.01 * float(np.hypot(*(block[-1, -1] - block[0, 0]))))
         x, y = points.T[:, :, None]
-        nearest = ((x - line[:, 0]) ** 2 + (y - line[:, 1]) ** 2).argmin(axis=1)
+        nearest = near[((x - line[near, 0]) ** 2 + (y - line[near, 1]) ** 2).argmin(axis=1)]
         sides = []
         for segment in (nearest - 1, nearest):
-            away = points - line[segment]
-            share = np.clip(np.sum(away * ahead[segment], axis=1) / lengths[segment] ** 2, 0.0, 1.0)
-            distance = np.hypot(*(away - share[:, None] * ahead[segment]).T)
-            offset = np.where(cross(ahead[segment], away) < 0.0, -distance, distance)
+            off = points - line[segment]
+            share = np.clip(np.sum(off * ahead[segment], axis=1) / lengths[segment] ** 2, 0.0, 1.0)
+            distance = np.hypot(*(off - share[:, None] * ahead[segment]).T)
+            offset = np.where(cross(ahead[segment], off) < 0.0, -distance, distance)
             sides.append((s[segment] + share * lengths[segment], offset))
         (s_before, before), (s_after, after) = sides
-        nearer = np.abs(before) < np.abs(after)
-        found[:, first : first + _CHUNK] = np.where(nearer, s_before, s_after), np.where(nearer, before, after)
-    return found[0] % track.length, found[1]
+        nearer, shape = np.abs(before) < np.abs(after), block.shape[:2]
+        found[0, rows, columns] = np.where(nearer, s_before, s_after).reshape(shape)
+        found[1, rows, columns] = np.where(nearer, before, after).reshape(shape)
+    return found[0].ravel() % track.length, found[1].ravel()
+
+
+def _without_steps(heights: FloatArray, most: float) -> FloatArray:
+    """Return heights (rows, columns) [m], averaged where stretches meet, until no two nodes are over `most` apart."""
+    for _ in range(_AVERAGED):
+        steep = np.zeros(heights.shape, np.bool_)
+        for axis in (0, 1):
+            rows, columns = np.nonzero(np.abs(np.diff(heights, axis=axis)) > most)
+            for away in range(-_REACH, _REACH + 2):  # both nodes, and those about them
+                at = [rows, columns]
+                at[axis] = np.clip(at[axis] + away, 0, heights.shape[axis] - 1)
+                steep[at[0], at[1]] = True
+        row, column = np.nonzero(steep)
+        if not len(row):
+            break
+        padded, means = np.pad(heights, 1, mode="edge"), np.zeros(len(row))
+        for up, across in np.ndindex(3, 3):
+            means += padded[row + up, column + across]
+        heights[row, column] = means / 9.0
+    return heights
 
 
 def _along_and_across(track: Any, s: FloatArray, offset: FloatArray) -> FloatArray:
@@ -312,7 +372,8 @@ def _check_slope(track: Any, ground: Ground, nodes: FloatArray) -> None:
     rise = np.abs(np.diff(ground.heights, axis=1, append=ground.heights[:, -1:]))
     rise = np.maximum(rise, np.abs(np.diff(ground.heights, axis=0, append=ground.heights[-1:])))
     steep = (rise > _STEEPEST * ground.cell).ravel()
-    steep[steep] = is_inside(nodes[steep], track.edges)
+    if track.edges:
+        steep[steep] = is_inside(nodes[steep], track.edges)
     if steep.any():
         (px, py), slope = nodes[steep][0].tolist(), float(rise.ravel()[steep][0]) / ground.cell
         raise TrackError(

@@ -1,4 +1,4 @@
-"""Open ground: level, endless and empty, for manoeuvres. There are no walls, no laps and no goal.
+"""Open ground, level or with heights, endless and empty, for manoeuvres. There are no walls, no laps and no goal.
 
     result = race(OpenGround(seconds=10.0), my_planner)
 
@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +23,9 @@ from .course import Sites
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle
 from .track_mesh import Surface
+
+if TYPE_CHECKING:
+    from .ground import Ground, Relief
 
 _REACH = 50_000.0  # [m] that its line goes to either side of the origin: 40 minutes at 20 m/s
 _HALF_LINE = 0.3  # [m] to either side of the origin, of the line on the ground where the car starts
@@ -38,8 +43,11 @@ class OpenGround(Shown):
 
     seconds: float  # that a race lasts
     name: str = "open_ground"
+    relief: Relief | None = None  # what its ground has, with heights; None: it is level
 
     def __post_init__(self) -> None:
+        if self.relief is not None and self.relief.heights is None:
+            raise SettingsError("OpenGround.relief has no heights, on ground without end; accepted: with heights")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("seconds",), SettingsError)
 
     def __repr__(self) -> str:
@@ -58,8 +66,23 @@ class OpenGround(Shown):
     edges: tuple[FloatArray, ...] = ()
     map_line = MapLine(points=np.array([[-_REACH, 0.0], [_REACH, 0.0]]), closed=False)
     table = read_only(np.array([[0.0], [-_REACH], [0.0], [2.0 * _REACH], [0.0], [4.0 * _REACH**2]]))
-    bounds = read_only(np.array([[-_AROUND, -_AROUND], [_AROUND, _AROUND]]))
     ground_lines = read_only(np.array([[[0.0, _HALF_LINE], [0.0, -_HALF_LINE]]]))
+
+    @cached_property
+    def bounds(self) -> FloatArray:
+        """Least and greatest x and y round the origin, and of the heights. Shape (2, 2) [m], read-only."""
+        around = np.array([[-_AROUND, -_AROUND], [_AROUND, _AROUND]])
+        (low, high), own = around, around if self.relief is None else self.relief.own.bounds
+        return read_only(np.stack((np.minimum(low, own[0]), np.maximum(high, own[1]))))
+
+    @cached_property
+    def ground(self) -> Ground | None:
+        """The surface that it is; None: level ground. Beyond the heights it goes on as at their edge."""
+        if self.relief is None:
+            return None
+        from .ground import make_ground
+
+        return make_ground(self)
 
     @property
     def description(self) -> str:
@@ -68,8 +91,8 @@ class OpenGround(Shown):
 
     @property
     def definition(self) -> dict[str, FloatArray]:
-        """The time is all that it has."""
-        return {"seconds": np.array([self.seconds])}
+        """The time, and the heights where it has them."""
+        return {"seconds": np.array([self.seconds])} | ({} if self.relief is None else self.relief.definition)
 
     def longest_race(self, laps: int) -> float:
         """Return the time limit on it [s]."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +28,9 @@ from .obstacles import Obstacle, solids_numbers
 from .polyline import cross, segments
 from .projection import project_near, with_sections
 from .track_mesh import Surface
+
+if TYPE_CHECKING:
+    from .ground import Ground, Relief
 
 BEHIND, BEYOND = 2.0, 3.0  # [m] least, of the way behind the start and beyond the goal
 STOP_TIME = 2.0  # [s] that the car has to stand still where the goal is to stop
@@ -53,6 +57,7 @@ class Scene(Shown):
     moving: tuple[MovingObstacle, ...] = ()
     time_limit: float  # [s] of simulated time
     goal_is_to_stop: bool = False  # behind the goal, without touching anything
+    relief: Relief | None = None  # what its ground has; None: it is level
 
     def __post_init__(self) -> None:
         way = read_only(self.way)
@@ -102,7 +107,16 @@ class Scene(Shown):
             "walls": solids_numbers(self.walls),
             "obstacles": solids_numbers(self.obstacles),
             "moving": np.array([moving.numbers() for moving in self.moving], np.float64),
-        }
+        } | ({} if self.relief is None else self.relief.definition)
+
+    @cached_property
+    def ground(self) -> Ground | None:
+        """The surface that it lies on; None: level ground."""
+        if self.relief is None:
+            return None
+        from .ground import make_ground
+
+        return make_ground(self)
 
     @property
     def length(self) -> float:

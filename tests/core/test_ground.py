@@ -9,8 +9,10 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
+from fg_mujoco.course.centreline_csv import write_centreline
 from fg_mujoco.course.definitions import course_of
 from fg_mujoco.course.ground import ROUGHNESS, SCALE, Relief
+from fg_mujoco.course.polyline import distance_to_segment, segments
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.native import core
@@ -19,6 +21,7 @@ from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_rows import FORCE_ACROSS, FORCE_ALONG, LOAD, USERDATA
+from map_oracles import draw_map, real_map, ring
 
 GRAVITY = 9.81
 
@@ -253,9 +256,54 @@ def test_a_world_of_a_rollout_on_rough_ground_is_the_race_that_its_setup_says(tm
     assert np.array_equal(race.car.telemetry, worlds.telemetry(1), equal_nan=True)
 
 
+@each("settings", ["walls=duct,height=0.2,gap=0.2,room=3", "bank=8,walls=duct,height=0.2", "crest=0.1,roughness=B"])
+@each("kind", ["map", "centreline"])
+def test_courses_from_files_take_walls_and_ground_and_their_runs_are_replayed(kind, settings, tmp_path):
+    if kind == "map":
+        path = draw_map(tmp_path, ring(), origin=(-7.5, -2.0, 0.0))
+    else:
+        write_centreline(fg.load_track("oval"), path := tmp_path / "own.csv")
+    name = f"{path}[{settings}]"
+    plain, course = fg.load_track(path), fg.load_track(name)
+    assert np.array_equal(plain.left_wall, course.left_wall)
+    if course.built:
+        faces = np.concatenate([wall.corners()[:2] for wall in course.walls])
+        edges = np.concatenate(course.edges)
+        lines = np.concatenate([segments(edge) for edge in course.edges])
+        away = [distance_to_segment(np.tile(face, (len(lines), 1)), *lines.transpose(1, 0, 2)).min() for face in faces]
+        assert len(faces) >= len(edges) and max(away) < 1e-9
+    result = fg.race(name, laps=1, time_limit=4.0)
+    write_run(result, tmp_path / "run")
+    assert fg.replay(tmp_path / "run").identical
+
+
+@each("degrees", [5.0, 15.0])
+@each("name", ["ipz33", "hangar", "jfr_v6", "rca2"])
+def test_the_banks_of_raced_maps_have_no_steps_where_stretches_meet(name, degrees):
+    course = fg.load_track(f"{real_map(f'race_maps/{name}')}[bank={degrees}]")
+    heights, cell = course.ground.heights, course.ground.cell
+    most = 1.2 * math.tan(math.radians(degrees)) + 0.1
+    assert max(np.abs(np.diff(heights, axis=axis)).max() for axis in (0, 1)) <= most * cell
+    assert np.ptp(heights) > 0.5 * math.tan(math.radians(degrees)) * course.corridor_left.min()
+
+
+def test_open_ground_and_scenes_take_heights_and_a_run_on_them_is_replayed(tmp_path):
+    x, y = np.meshgrid(np.arange(-8.0, 8.0, 0.1), np.arange(-4.0, 4.0, 0.1))
+    np.save(tmp_path / "hills.npy", 0.05 * np.sin(x) * np.cos(y))
+    for name in ("open_ground:2", "scene:narrow_gap_150:1"):
+        course = fg.load_track(f"{name}[heights={tmp_path}/hills.npy,corner=-8:-4]")
+        places = np.array([[0.3, 0.2], [1.7, -1.1], [-2.0, 1.0]])
+        assert course.ground.at(places) == pytest.approx(0.05 * np.sin(places[:, 0]) * np.cos(places[:, 1]), abs=1e-3)
+        again = course_of(course.name, course.definition)
+        assert np.array_equal(again.ground.heights, course.ground.heights)
+        result = fg.race(course, laps=None, time_limit=2.0)
+        write_run(result, tmp_path / name[:5])
+        assert fg.replay(tmp_path / name[:5]).identical
+
+
 @each("text", [
     "oval[bank=40]", "oval[ramp=30]", "oval[roughness=E]", "oval[bank=x]", "oval[heights=none.npy]",
-    "hairpins[ramp=0.5]",
+    "hairpins[ramp=0.5]", "scene:narrow_gap_150:1[bank=3]", "open_ground:2[roughness=C]", "open_ground:2[bank=3]",
 ])  # fmt: skip
 def test_ground_that_cannot_be_is_refused_in_a_line(text):
     with pytest.raises(TrackError, match="accepted") as refused:
