@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from ..arguments import explain_class
 from ..errors import SettingsError, TrackError, accepted_names
 from ..messages import FloatArray, require, require_whole
 from .obstacles import Box, Obstacle, Pipe, Prism
-from .polyline import distance_to_segment, is_inside, segments, step_lengths
+from .polyline import distance_to_segment, is_inside, segments, step_lengths, subdivide
 from .track_mesh import (
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -121,18 +121,55 @@ SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
 FIELDS = {"walls": "kind", "wall_seed": "seed"}
 """Those of them that are not named as the fields of Walls."""
 
-
-def wall_solids(edges: Sequence[FloatArray], built: Walls) -> tuple[Obstacle, ...]:
-    """Return the solids of the walls along `edges`, as Course.edges, one for each segment that is no gap."""
-    feet = _feet(edges, built)
-    kind: type[Prism] = Pipe if built.kind == "duct" else Prism
-    return tuple(kind(footprint=tuple((x, y) for x, y in own), height=built.height) for own in feet.tolist())
+OF_EACH = {name: form for name, form in SETTINGS.items() if name not in ("room", "room_height", "clutter")}
+"""Those of them that walls of one grey level of a map have; the others are of the course."""
 
 
-def surface_of_walls(edges: Sequence[FloatArray], built: Walls) -> Surface:
-    """Return the mesh of the same walls: what can be seen of them, normals outward."""
-    feet = _feet(edges, built)
-    return _duct_surface(feet, built.height) if built.kind == "duct" else prism_surface(prisms_on(feet, built.height))
+class WallPart(NamedTuple):
+    """Walls of a course that are built alike."""
+
+    built: Walls
+    feet: FloatArray  # (m, 4, 2) [m] their footprints
+
+    def solids(self) -> tuple[Obstacle, ...]:
+        """Return one for each footprint."""
+        kind: type[Prism] = Pipe if self.built.kind == "duct" else Prism
+        return tuple(kind(footprint=tuple(map(tuple, own)), height=self.built.height) for own in self.feet.tolist())
+
+    def surface(self) -> Surface:
+        """Return the mesh of the same walls: what can be seen of them, normals outward."""
+        if self.built.kind == "duct":
+            return _duct_surface(self.feet, self.built.height)
+        return prism_surface(prisms_on(self.feet, self.built.height))
+
+
+def wall_parts(
+    edges: Sequence[FloatArray], kinds: Sequence[Walls], marks: FloatArray | None, longest: float | None
+) -> list[WallPart]:
+    """Return the walls along `edges`, as Course.edges, one part for each of the kinds that is there.
+
+    `marks` has the place of its kind for each segment of all edges; None: the first of all. Pieces are as long as
+    `longest` [m] at most; None: as their segments.
+    """
+    standing = [edge if longest is None else subdivide(edge, longest)[0] for edge in edges]
+    firsts = np.cumsum([0, *map(len, edges)])
+    found = []
+    for place, built in enumerate(kinds):
+        rng = np.random.default_rng((built.seed, 0))
+        cut = [_with_gaps(edge, built, rng) if built.gap else (edge, np.ones(len(edge), np.bool_)) for edge in standing]
+        stands = np.concatenate([wall for _, wall in cut])
+        if marks is not None:
+            own = [_segments_of(edge, line) + at for edge, (line, _), at in zip(edges, cut, firsts[:-1], strict=True)]
+            stands &= marks[np.concatenate(own)] == place
+        if stands.any():
+            found.append(WallPart(built, wall_feet([line for line, _ in cut], built.depth)[stands]))
+    return found
+
+
+def _segments_of(edge: FloatArray, finer: FloatArray) -> NDArray[np.intp]:
+    """Return of which segment of a closed line each segment of a finer one is, which begins with the same point."""
+    lengths, own = step_lengths(edge), step_lengths(finer)
+    return np.searchsorted(np.cumsum(lengths) - lengths, np.cumsum(own) - 0.5 * own, side="right") - 1
 
 
 def hall_solids(edges: Sequence[FloatArray], built: Walls) -> tuple[Obstacle, ...]:
@@ -174,15 +211,6 @@ def _clutter(edges: Sequence[FloatArray], built: Walls, low: FloatArray, high: F
             said = f"the hall has room for {number} of {built.clutter} things (clutter)"
             raise TrackError(f"{said}; accepted: as many, or a larger room than {built.room:g} m")
     return found
-
-
-def _feet(edges: Sequence[FloatArray], built: Walls) -> FloatArray:
-    """Return the footprints of walls without those of gaps. Shape (m, 4, 2) [m]."""
-    if not built.gap:
-        return wall_feet(edges, built.depth)
-    rng = np.random.default_rng((built.seed, 0))
-    cut = [_with_gaps(edge, built, rng) for edge in edges]
-    return np.asarray(wall_feet([edge for edge, _ in cut], built.depth)[np.concatenate([stands for _, stands in cut])])
 
 
 def _with_gaps(edge: FloatArray, built: Walls, rng: np.random.Generator) -> tuple[FloatArray, NDArray[np.bool_]]:

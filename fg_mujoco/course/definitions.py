@@ -41,21 +41,23 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     names = tuple(key for key in definition if key not in islands)
     moving = tuple(map(MovingObstacle.of, definition.get("moving", ())))
     dressed: dict[str, Any] = {}
-    if "built" in definition:
+    if "built" in definition or "kinds" in definition:
         from .built_walls import Walls
-
+    if "built" in definition:
         dressed["built"] = Walls.of(definition["built"])
     if "relief" in definition:
         from .ground import Relief
 
         dressed["relief"] = Relief.of(definition)
-    shared = ("relief", "heights") if "rules" in names else ("moving", "built", "relief", "heights")
+    shared = ("relief", "heights") if "rules" in names else ("moving", "built", "relief", "heights", "kinds", "marks")
     names = tuple(key for key in names if key not in shared)
     lines: dict[str, Any] = {key: definition[key] for key in names} | dressed
     if names == _TRACK:
         return Track(name=name, moving=moving, **lines)
     if names == _TRACK + _WALLS:
         outlines = tuple(definition[key] for key in islands)
+        if "marks" in definition:
+            lines |= {"kinds": tuple(map(Walls.of, definition["kinds"])), "marks": definition["marks"]}
         return MapTrack(name=name, moving=moving, outlines=outlines, **lines)
     if names == _SCENE:
         start, goal, time_limit, goal_is_to_stop = definition["rules"].tolist()

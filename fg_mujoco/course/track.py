@@ -28,10 +28,10 @@ from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
 from .polyline import MOST_POINTS, cross, segments, self_crossings, step_lengths, steps, subdivide, turns
 from .projection import progress_by_sections, project_near, with_sections
-from .track_mesh import Surface, wall_feet, wall_surface
+from .track_mesh import Surface, joined, wall_feet, wall_surface
 
 if TYPE_CHECKING:
-    from .built_walls import Walls
+    from .built_walls import WallPart, Walls
     from .ground import Ground, Relief
 
 OFF_CENTRE = 0.5
@@ -199,12 +199,25 @@ class Track(Shown):
     @cached_property
     def walls(self) -> tuple[Obstacle, ...]:
         """The convex solids that the walls are made of: one for each segment of their inner faces."""
-        if self.built is not None:
-            from .built_walls import wall_solids
-
-            return wall_solids(self._standing_edges, self.built)
+        if self.wall_parts:
+            return tuple(solid for part in self.wall_parts for solid in part.solids())
         feet = wall_feet(self._standing_edges).tolist()
         return tuple(Prism(footprint=tuple((x, y) for x, y in corners)) for corners in feet)
+
+    @cached_property
+    def wall_parts(self) -> list[WallPart]:
+        """The walls by how they are built; none where that is not said."""
+        if self.built is None and not self.marked[0]:
+            return []
+        from .built_walls import Walls, wall_parts
+
+        kinds, marks = self.marked
+        return wall_parts(self.edges, (self.built or Walls(), *kinds), marks, self._longest_piece)
+
+    @property
+    def marked(self) -> tuple[tuple[Walls, ...], FloatArray | None]:
+        """Further kinds of walls, and which each segment of all edges has: 0 as `built`, 1 the first; None: all 0."""
+        return (), None
 
     @cached_property
     def hall(self) -> tuple[Obstacle, ...]:
@@ -216,12 +229,10 @@ class Track(Shown):
         return hall_solids(self.edges, self.built)
 
     def wall_surface(self) -> Surface | None:
-        """Return one mesh of all walls, which is seen in place of the solids."""
-        if self.built is None:
-            return wall_surface(self._standing_edges)
-        from .built_walls import surface_of_walls
-
-        return surface_of_walls(self._standing_edges, self.built)
+        """Return one mesh of all walls, which is seen in place of the solids; each of `wall_parts` has its own."""
+        if self.wall_parts:
+            return joined(part.surface() for part in self.wall_parts)
+        return wall_surface(self._standing_edges)
 
     @cached_property
     def ground(self) -> Ground | None:
@@ -233,11 +244,15 @@ class Track(Shown):
         return make_ground(self)
 
     @property
+    def _longest_piece(self) -> float | None:
+        """Length of pieces of walls that are short enough to follow the ground [m]; None: it is level."""
+        return None if self.ground is None or self.ground.flat else _WALL_PIECES
+
+    @property
     def _standing_edges(self) -> tuple[FloatArray, ...]:
-        """The edges, in pieces short enough to follow the ground."""
-        if self.ground is None or self.ground.flat:
-            return self.edges
-        return tuple(subdivide(edge, _WALL_PIECES)[0] for edge in self.edges)
+        """The edges, in such pieces."""
+        longest = self._longest_piece
+        return self.edges if longest is None else tuple(subdivide(edge, longest)[0] for edge in self.edges)
 
     @property
     def edges(self) -> tuple[FloatArray, ...]:
@@ -400,6 +415,8 @@ class MapTrack(Track):
     wall_right: FloatArray  # (k, 2) [m] closed, in driving order
     wall_left: FloatArray  # (m, 2) [m] closed, in driving order
     outlines: tuple[FloatArray, ...] = ()  # of what stands between the two, each closed and counterclockwise [m]
+    kinds: tuple[Walls, ...] = ()  # of walls that the map's table has, besides `built`
+    marks: FloatArray | None = None  # (k,) for each segment of all edges: 0 as `built`, 1 the first of `kinds`
 
     @property
     def islands(self) -> tuple[FloatArray, ...]:
@@ -407,10 +424,18 @@ class MapTrack(Track):
         return self.outlines
 
     @property
+    def marked(self) -> tuple[tuple[Walls, ...], FloatArray | None]:
+        """The kinds of walls of the map's table, and which each segment of all edges has."""
+        return self.kinds, self.marks
+
+    @property
     def definition(self) -> dict[str, FloatArray]:
-        """All that makes it what it is: line, widths, walls and islands."""
+        """All that makes it what it is: line, widths, walls, islands, and how walls are built."""
         islands = {f"{ISLAND}{number}": outline for number, outline in enumerate(self.outlines)}
-        return super().definition | {"wall_right": self.wall_right, "wall_left": self.wall_left} | islands
+        own = {"wall_right": self.wall_right, "wall_left": self.wall_left} | islands
+        if self.marks is not None:
+            own |= {"kinds": np.array([each.numbers for each in self.kinds]), "marks": self.marks}
+        return super().definition | own
 
     @cached_property
     def _corridor(self) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ that is seen and the solids that are hit both come from `wall_prisms`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,13 @@ def prism_surface(prisms: FloatArray) -> Surface:
     bare_ends = open_ends(prisms[:, :4, :2])
     faces += [(first[bare] + np.array(end)).reshape(-1, 3) for bare, end in zip(bare_ends, _ENDS, strict=True)]
     return prisms.reshape(-1, 3), np.concatenate(faces)
+
+
+def joined(surfaces: Iterable[Surface]) -> Surface:
+    """Return several meshes as one."""
+    vertices, faces = zip(*surfaces, strict=True)
+    firsts = np.cumsum([0, *map(len, vertices[:-1])])
+    return np.concatenate(vertices), np.concatenate([own + at for own, at in zip(faces, firsts, strict=True)])
 
 
 def open_ends(feet: FloatArray) -> NDArray[np.bool_]:

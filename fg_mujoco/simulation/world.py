@@ -196,19 +196,20 @@ class World(Suggesting):
 
 def _note_walls(world: World) -> None:
     """Remark walls over which the beams look and see nothing; refuse porous ones that MuJoCo's rays are to measure."""
-    built = getattr(world.track, "built", None)
-    if built is None:
+    parts = getattr(world.track, "wall_parts", ())
+    if not parts:
         return
-    if built.porosity and world.lidar_backend != "raycast":
-        said = f"walls with a porosity of {built.porosity:g} for the LiDAR back end {world.lidar_backend!r}"
+    porosity, lowest = max(part.built.porosity for part in parts), min(part.built.height for part in parts)
+    if porosity and world.lidar_backend != "raycast":
+        said = f"walls with a porosity of {porosity:g} for the LiDAR back end {world.lidar_backend!r}"
         raise SettingsError(f"{said}; accepted: 'raycast'")
-    if built.height >= _LOW_WALLS or built.room:
+    if lowest >= _LOW_WALLS or getattr(world.track, "hall", ()):
         return
     data = mujoco.MjData(world.model)
     mujoco.mj_kinematics(world.model, data)
     height = float(data.body(LIDAR_PREFIX + world.vehicle.lidar.body).xpos[2])
-    if built.height < height:
-        said = f"the walls of {world.track.name!r} are {built.height:g} m high, below the LiDAR at {height:.3g} m"
+    if lowest < height:
+        said = f"walls of {world.track.name!r} are {lowest:g} m high, below the LiDAR at {height:.3g} m"
         warnings.warn(f"{said}: its beams see none of them, and no hall behind", Note, stacklevel=3)
 
 
@@ -397,19 +398,22 @@ def _add_light(spec: Any, track: Course) -> None:
 
 def _add_walls(spec: Any, track: Course) -> None:
     """Add the walls as solids that are hit; where the course has a surface of them, it is seen in their place."""
-    surface, ground = track.wall_surface(), getattr(track, "ground", None)
-    if surface is not None:
+    ground, parts = getattr(track, "ground", None), getattr(track, "wall_parts", ())
+    surfaces = [(part.built, part.surface()) for part in parts] or [(None, track.wall_surface())]
+    for number, (built, surface) in enumerate(surfaces):
+        if surface is None:
+            continue
         vertices, faces = surface
         vertices = vertices if ground is None else ground.lifted(vertices)
-        built = getattr(track, "built", None)
         name, colour = ("walls", _WALL_COLOUR) if built is None or built.kind != "duct" else ("ducts", _DUCT_COLOUR)
+        name += f"_{number}" if number else ""
         spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel())
         geom = spec.worldbody.add_geom(
             name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=0, conaffinity=0
         )
         if built is not None and built.porosity:
             let_through(spec, geom, math.sqrt(built.porosity))  # a beam meets its front and its back
-    hidden = 0 if surface is None else len(track.walls)
+    hidden = 0 if surfaces[0][1] is None else len(track.walls)
     for index, wall in enumerate((*track.walls, *getattr(track, "hall", ()))):
         _add_hull(spec, f"wall_{index}", _prism(wall, ground), _INVISIBLE if index < hidden else _WALL_COLOUR)
 

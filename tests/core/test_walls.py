@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image, ImageFilter
 
 import fg_mujoco as fg
 from cases import each
@@ -19,6 +20,7 @@ from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.world import World
+from map_oracles import draw_map, ring
 
 HALL = "[walls=duct,height=0.2,room=5]"
 
@@ -205,6 +207,48 @@ def test_a_course_with_such_walls_is_made_again_of_its_numbers_and_a_run_of_it_i
     assert result.car.finished
     write_run(result, tmp_path / "run")
     assert fg.replay(tmp_path / "run").identical
+
+
+def draw_walls(folder, blur, table):
+    """Write a map of a ring whose walls are black on the left, grey in the middle and light grey on the right."""
+    drawn = np.where(ring(), 254, np.where(np.arange(300) < 120, 0, np.where(np.arange(300) < 200, 60, 110)))
+    image = Image.fromarray(drawn[::-1].astype(np.uint8))
+    path = draw_map(folder, ring(), origin=(-7.5, -5.0, 0.0), walls=table, occupied_thresh=0.5)
+    image.filter(ImageFilter.GaussianBlur(blur)).save(folder / "drawn.png")
+    return path
+
+
+@each("blur", [0.0, 0.5, 0.7, 1.2])
+def test_walls_of_a_map_are_built_as_the_table_says_of_the_grey_that_they_are_drawn_in(blur, tmp_path):
+    table = "{0: {walls: duct, height: 0.2}, 60: {height: 1.0, thickness: 0.1}}"
+    name = f"{draw_walls(tmp_path, blur, table)}[height=0.4,room=2]"
+    course = fg.load_track(name)
+    kinds = {part.built.height: part.feet for part in course.wall_parts}
+    near = 0.1  # [m] two pixels; a level that is not in the table begins five pixels from one that is
+    for height, low, high in ((0.2, -9.0, -1.5), (1.0, -1.5, 2.75), (0.4, 2.5, 9.0)):
+        feet = kinds[height][:, :2]
+        assert feet[..., 0].min() > low - near and feet[..., 0].max() < high + near
+    whole = sum(step_lengths(edge).sum() for edge in course.edges)
+    stands = [np.linalg.norm(feet[:, 1] - feet[:, 0], axis=1).sum() for feet in kinds.values()]
+    assert sum(stands) == pytest.approx(whole, rel=1e-9) and len(kinds) == 3
+    assert len(course.hall) == 4 and len(course.walls) == sum(map(len, kinds.values()))
+    seen = [World(course).model.geom(name).name for name in ("ducts_1", "walls_2", "walls")]
+    assert len(seen) == 3
+    again = course_of(name, course.definition)
+    assert [part.feet.tolist() for part in again.wall_parts] == [part.feet.tolist() for part in course.wall_parts]
+    result = fg.race(name, laps=1, time_limit=3.0)
+    write_run(result, tmp_path / "run")
+    assert fg.replay(tmp_path / "run").identical
+
+
+@each("table", [
+    "[0]", "{0: duct}", "{0: {hight: 0.2}}", "{0: {walls: round}}", "{30: {height: 0.2}}", "{254: {height: 0.2}}",
+    "{black: {height: 0.2}}", "{0: {height: 20}}", "{0: {room: 5}}",
+])  # fmt: skip
+def test_tables_of_walls_that_cannot_be_are_refused_in_a_line_with_the_file(table, tmp_path):
+    with pytest.raises(TrackError, match=r"drawn\.yaml.*accepted") as refused:
+        fg.load_track(draw_walls(tmp_path, 0.0, table))
+    assert "\n" not in str(refused.value)
 
 
 @each("text", [

@@ -8,6 +8,9 @@ A pixel of brightness x, the mean of its colours from 0 to 255, is occupied with
 up to `free_thresh`, and unknown otherwise, or where it is transparent. Unknown pixels are taken for walls: nobody has
 seen that they can be driven on.
 
+A key of ours, `walls`, says how walls of a grey level are built: `walls: {0: {walls: duct, height: 0.2}}`, with the
+settings of built_walls.OF_EACH.
+
 Source: the ROS packages map_server and nav2_map_server, whose documentation defines the format. At p equal to
 `free_thresh` a pixel is free by nav2 since its pull request 5071 of 2025; map_server of ROS 1 has it unknown.
 """
@@ -22,14 +25,17 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import TrackError, accepted_names, missing_extra, nearest
-from ...messages import FloatArray
+from ...errors import SettingsError, TrackError, accepted_names, missing_extra, nearest
+from ...messages import FloatArray, shown
 from ..files import is_file, read_text, require_regular
+
+if TYPE_CHECKING:
+    from ..built_walls import Walls
 
 BoolArray = NDArray[np.bool_]
 
@@ -44,6 +50,10 @@ MOST_PIXELS = 4096**2
 SPECK = 9
 """[pixel] Islands of fewer are named when a map is loaded: a laser, a brush and a lossy image leave such specks."""
 
+MARK_REACH = 5
+"""[pixel] from a pixel of a level in the table of walls, within which others have its kind."""
+
+_MOST_KINDS, _ALIKE = 100, 5.0  # of walls in a table; levels nearer than that are one
 _RESOLUTIONS = (0.001, 1.0)  # [m] of a pixel: from a millimetre to more than a car
 _FURTHEST = 1e4  # [m] from the world's origin: MuJoCo keeps meshes of walls in single precision, 1 mm there
 _GREATEST = 1e300  # of a number at all: whole numbers of YAML have no end
@@ -78,6 +88,8 @@ class OccupancyMap:
     grey: BoolArray | None = (
         None  # (rows, columns) pixels that free_thresh makes free, the saver's grey of unknown ground
     )
+    kinds: tuple[Walls, ...] = ()  # of the walls of the grey levels in the table of its YAML
+    marks: NDArray[np.uint8] | None = None  # (rows, columns) place of the kind of a wall at each pixel, from 1; 0: none
     given: Mapping[str, str] = field(default_factory=dict)  # settings of the map's name that it was read with
 
     def to_world(self, points: ArrayLike) -> FloatArray:
@@ -200,6 +212,7 @@ def read_map_file(
     is_saved = bool(np.bincount(levels.ravel(), minlength=len(values))[is_grey & (values == _UNKNOWN)].any())
     x, y, yaw = map(float, origin)
     start, heading = _start(path, settings)
+    kinds, marks = _wall_kinds(path, settings.get("walls"), levels, values, occupancy, is_free)
     return OccupancyMap(
         path=path,
         free=np.ascontiguousarray(is_free[levels[::-1]]),
@@ -209,7 +222,47 @@ def read_map_file(
         origin=(x, y, yaw),
         start=start,
         heading=heading,
+        kinds=kinds,
+        marks=marks,
     )
+
+
+def _wall_kinds(
+    path: Path, table: Any, levels: NDArray[Any], values: FloatArray, occupancy: FloatArray, is_free: BoolArray
+) -> tuple[tuple[Walls, ...], NDArray[np.uint8] | None]:
+    """Return the kinds of walls of a table of grey levels, and which each pixel has, row 0 below.
+
+    A pixel has that of the nearest one, MARK_REACH away at most, that has a level of the table and beside none that is
+    more occupied: on the soft edge of a black wall there is grey.
+    """
+    if table is None:
+        return (), None
+    from scipy import ndimage
+
+    from ..built_walls import FIELDS, OF_EACH, Walls
+    from ..centreline_csv import read_settings
+
+    accepted = "accepted: {LEVEL: {SETTING: VALUE}}, as {0: {walls: duct, height: 0.2}}"
+    if not isinstance(table, dict) or not all(isinstance(each, dict) for each in table.values()):
+        raise TrackError(f"{path}: walls is {shown(table)}; {accepted}")
+    kinds: list[Walls] = []
+    of_level, there = np.zeros(len(values), np.uint8), np.bincount(levels.ravel(), minlength=len(values)) > 0
+    for level, own in table.items():
+        named = f"{path}: walls of level {level!r}"
+        alike = np.abs(values - level) < _ALIKE if _is_finite(level) else np.zeros(len(values), np.bool_)
+        if not (alike & there & ~is_free).any() or len(kinds) == _MOST_KINDS:
+            said = f"{named}, which no wall of the image has" if len(kinds) < _MOST_KINDS else f"{named}, one too many"
+            raise TrackError(f"{said}; accepted: up to {_MOST_KINDS} grey levels of walls, from 0 to 255")
+        told = read_settings(named, ",".join(f"{key}={value}" for key, value in own.items()), OF_EACH)
+        try:
+            kinds.append(Walls(**{FIELDS.get(key, key): value for key, value in told.items()}))
+        except SettingsError as error:
+            raise TrackError(f"{named}: {error}") from error
+        of_level[alike & ~is_free] = len(kinds)  # of two levels as near, that of the latter
+    marks, seen = of_level[levels[::-1]], np.nan_to_num(255.0 * occupancy)[levels[::-1]]
+    marks[ndimage.maximum_filter(seen, 3) > seen + _ALIKE] = 0
+    away, nearest_at = ndimage.distance_transform_edt(marks == 0, return_indices=True)
+    return tuple(kinds), np.where(away <= MARK_REACH, marks[tuple(nearest_at)], 0).astype(np.uint8)
 
 
 def image_yaml(image: Path, resolution: float, *, negate: bool = False) -> str:
@@ -261,7 +314,7 @@ def _start(path: Path, settings: dict[str, Any]) -> tuple[tuple[float, float] | 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
     """Return the keys of a map_server YAML: all that are required, and none that is unknown."""
-    known = (*_REQUIRED, "mode")
+    known = (*_REQUIRED, "mode", "walls")
     try:
         text = read_text(path, _MOST_BYTES)
     except FileNotFoundError:

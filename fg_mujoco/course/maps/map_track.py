@@ -28,11 +28,11 @@ from ...messages import FloatArray, read_only
 from ..centreline_csv import DIRECTIONS, Direction, read_points, read_settings
 from ..course import default_time_limit
 from ..obstacles import Prism
-from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
+from ..polyline import enclosed_area, resample, segments, smooth, step_lengths, steps, subdivide
 from ..scene import BEHIND, BEYOND, Scene
 from ..track import MapTrack
 from ..track_mesh import wall_footprints
-from .map_server import SPECK, OccupancyMap, read_map_file
+from .map_server import MARK_REACH, SPECK, OccupancyMap, read_map_file
 from .region import GREY_GROUND, SHORTEST_WAY, MapCourse, course_of, encloses, find_course, find_loops, pixels_within
 from .walls import trace
 
@@ -261,22 +261,49 @@ def _map_track(occupancy: OccupancyMap, outlines: list[FloatArray], line: FloatA
     counterclockwise = enclosed_area(line) > 0.0
     left, right = (inner, outside) if counterclockwise else (outside, inner)
     ahead = slice(None, None, -1 if counterclockwise else 1)  # holes are clockwise
+    wall_left, wall_right = (infield[ahead], outer) if counterclockwise else (outer[::-1], infield)
+    edges, marks = _marked(occupancy, [wall_left, wall_right, *(wall[::-1] for wall in holes)])
     try:
         return MapTrack(
             name=occupancy.path.stem,
             centreline=line,
             width_right=_distances(line, right),
             width_left=_distances(line, left),
-            wall_left=infield[ahead] if counterclockwise else outer[::-1],
-            wall_right=outer if counterclockwise else infield,
-            outlines=tuple(read_only(wall[::-1]) for wall in holes),
+            wall_left=edges[0],
+            wall_right=edges[1],
+            outlines=tuple(map(read_only, edges[2:])),
+            kinds=occupancy.kinds,
+            marks=marks,
         )
     except TrackError as error:
         raise TrackError(f"{occupancy.path}: {error}") from error
 
 
+def _marked(occupancy: OccupancyMap, edges: list[FloatArray]) -> tuple[list[FloatArray], FloatArray | None]:
+    """Return edges [m] with points where the kind of wall changes, and that of each segment, as MapTrack.marks."""
+    if occupancy.marks is None:
+        return edges, None
+    cut, marks = [], []
+    for edge in edges:
+        (fine,) = subdivide(edge, occupancy.resolution)
+        at = np.floor(occupancy.to_pixels(segments(fine).mean(axis=1))).astype(int)
+        column, row = np.clip(at, 0, np.array(occupancy.marks.shape)[::-1] - 1).T
+        own = occupancy.marks[row, column]
+        begins = np.flatnonzero(own != np.roll(own, 1))
+        for first, behind in zip(begins, np.append(begins[1:], begins[:1] + len(own)), strict=True):
+            if behind - first <= MARK_REACH:  # of a speck
+                own[np.arange(first, behind) % len(own)] = own[first - 1]
+        corner = np.isin(fine @ (1.0, 1.0j), edge @ (1.0, 1.0j))
+        kept = corner | (own != np.roll(own, 1))
+        cut.append(fine[kept])
+        marks.append(own[kept].astype(np.float64))
+    return cut, read_only(np.concatenate(marks))
+
+
 def _map_scene(occupancy: OccupancyMap, course: MapCourse, start: FloatArray) -> Scene:
     """Return the scene of an open way, from the end that is nearer to `start` (2,) [m]."""
+    if occupancy.kinds:
+        raise TrackError(f"{occupancy.path}: walls, but there is no way round; accepted: none, as of a scene")
     lengths = np.hypot(*np.diff(course.line, axis=0).T) * occupancy.resolution
     if lengths.sum() < SHORTEST_WAY:
         raise TrackError(
