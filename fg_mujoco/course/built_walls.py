@@ -39,11 +39,13 @@ from .track_mesh import (
 KINDS = ("upright", "duct")
 
 _LEAST, _GREATEST = 0.01, 5.0  # [m] of a wall's height and thickness
+_HEAVIEST = 1000.0  # [kg/m]
 _FURTHEST = 100.0  # [m] of the hall from the walls
 _SHORTEST, _LONGEST = 0.1, 1000.0  # [m] of a piece of wall
 _HALL_THICKNESS = 0.2  # [m] of its walls
 _SNAP = 0.02  # [m] a gap ends at a corner that is as near
 _CLUTTER_SIDES, _CLUTTER_HEIGHTS = (0.2, 1.0), (0.3, 1.8)  # [m] boxes, tables, people
+_MOST_PIECES = 100_000  # of an edge
 _CLUTTER_CLEAR = 0.1  # [m] between what stands in the hall and any wall
 _TRIES = 200  # places for each
 
@@ -67,6 +69,7 @@ class Walls:
     room_height: float = 3.0  # [m] of the hall's walls
     clutter: int = 0  # how many things stand in the hall
     seed: int = 0  # of where the gaps are, and what stands in the hall
+    weight: float = 0.0  # [kg] of a metre of a wall that a car pushes, in pieces that hold together; 0: all stand
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -74,9 +77,9 @@ class Walls:
         sizes = ("height",) if self.thickness is None else ("height", "thickness")
         for names, least, most in (
             (sizes, _LEAST, _GREATEST), (("gap", "room"), 0.0, _FURTHEST), (("piece",), _SHORTEST, _LONGEST),
-            (("porosity",), 0.0, 1.0), (("room_height",), _LEAST, _FURTHEST),
+            (("porosity",), 0.0, 1.0), (("room_height",), _LEAST, _FURTHEST), (("weight",), 0.0, _HEAVIEST),
         ):  # fmt: skip
-            unit = "" if names == ("porosity",) else " m"
+            unit = {"porosity": "", "weight": " kg/m"}.get(names[0], " m")
             accepted = f"{least:g} to {most:g}{unit}"
             require(self, lambda value: least <= value <= most, accepted, names, SettingsError)  # noqa: B023
         require_whole("Walls.clutter", self.clutter, 0)
@@ -113,6 +116,7 @@ SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "walls": (" or ".join(KINDS), str),
     **dict.fromkeys(("height", "thickness", "gap", "piece", "room", "room_height"), ("METRES", float)),
     "porosity": ("NUMBER", float),
+    "weight": ("KILOGRAMS", float),
     "clutter": ("NUMBER", int),
     "wall_seed": ("NUMBER", int),
 }
@@ -130,6 +134,12 @@ class WallPart(NamedTuple):
 
     built: Walls
     feet: FloatArray  # (m, 4, 2) [m] their footprints
+    pieces: NDArray[np.intp]  # (m,) which of them hold together
+
+    def split(self) -> list[WallPart]:
+        """Return each piece as a part of its own."""
+        groups = (self.pieces == piece for piece in np.unique(self.pieces))
+        return [WallPart(self.built, self.feet[own], self.pieces[own]) for own in groups]
 
     def solids(self) -> tuple[Obstacle, ...]:
         """Return one for each footprint."""
@@ -156,13 +166,18 @@ def wall_parts(
     found = []
     for place, built in enumerate(kinds):
         rng = np.random.default_rng((built.seed, 0))
-        cut = [_with_gaps(edge, built, rng) if built.gap else (edge, np.ones(len(edge), np.bool_)) for edge in standing]
-        stands = np.concatenate([wall for _, wall in cut])
+        if built.gap or built.weight:
+            cut = [_with_gaps(edge, built, rng) for edge in standing]
+        else:
+            cut = [(edge, np.zeros(len(edge), np.intp)) for edge in standing]
+        pieces = np.concatenate([own + _MOST_PIECES * number for number, (_, own) in enumerate(cut)])
+        stands = np.concatenate([own >= 0 for _, own in cut])
         if marks is not None:
             own = [_segments_of(edge, line) + at for edge, (line, _), at in zip(edges, cut, firsts[:-1], strict=True)]
             stands &= marks[np.concatenate(own)] == place
         if stands.any():
-            found.append(WallPart(built, wall_feet([line for line, _ in cut], built.depth)[stands]))
+            feet = wall_feet([line for line, _ in cut], built.depth)
+            found.append(WallPart(built, feet[stands], pieces[stands]))
     return found
 
 
@@ -213,8 +228,8 @@ def _clutter(edges: Sequence[FloatArray], built: Walls, low: FloatArray, high: F
     return found
 
 
-def _with_gaps(edge: FloatArray, built: Walls, rng: np.random.Generator) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return a closed line (n, 2) [m] with points where gaps begin and end, and which of its segments are wall."""
+def _with_gaps(edge: FloatArray, built: Walls, rng: np.random.Generator) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return a closed line (n, 2) [m] with points where gaps begin and end, and the piece of each segment; -1: none."""
     ends = np.cumsum(step_lengths(edge))
     starts, length = ends - step_lengths(edge), float(ends[-1])
     cuts, place = [], float(rng.uniform(0.0, built.piece))
@@ -229,10 +244,11 @@ def _with_gaps(edge: FloatArray, built: Walls, rng: np.random.Generator) -> tupl
     share = (at - starts[segment]) / (ends - starts)[segment]
     points = edge[segment] + share[:, None] * (np.roll(edge, -1, axis=0) - edge)[segment]
     middle = 0.5 * (at + np.append(at[1:], length))
-    missing = np.zeros(len(at), np.bool_)
-    for first, last in cuts:
-        missing |= (first < middle) & (middle < last)
-    return points, ~missing
+    pieces = np.zeros(len(at), np.intp)
+    for number, (first, last) in enumerate(cuts, start=1):
+        pieces[middle > last] = number % len(cuts)  # the last goes on to the first cut
+        pieces[(first < middle) & (middle < last)] = -1
+    return points, pieces
 
 
 def _duct_surface(feet: FloatArray, diameter: float) -> Surface:

@@ -29,7 +29,7 @@ NAMES = (
     "standing_since", "table", "tires", "tire_states",
     "patches", "wheels", "floor_mu", "pairs", "car_places", "links", "touch_places", "touched_at", "sizes", "span",
     "row_counts", "row_starts", "inertia_columns", "gears", "scratch",
-    "distances", "corner", "bodies", "state_numbers", "alone", "copies",
+    "distances", "corner", "bodies", "state_numbers", "alone", "copies", "pieces",
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows.
 
@@ -41,6 +41,7 @@ touching is, `tires` (k,) of TIRE, `links` of LINK, `motions` (obstacles, 8) of 
 fixed to the cars, `offset_positions` (m, 3) [m] and `offset_rotations` (m, 3, 3). Of the steps of a tick: `records` (n,
 steps, nsensordata) as of a Batch, `tire_states` (n, steps, k USERDATA), and `slip` (QUANTITIES, steps, 4), room in
 which that of the last car is left. `alone` (2,) and `copies` (k, 4) are those of CarsAlone; empty: there is none.
+`pieces` (k, 5) is `pieces.piece_table`.
 """
 
 KEPT = ("ticks", "telemetry", "states", "controls")

@@ -312,7 +312,7 @@ def _compose(
         if any(car.numeric(NUMERIC.format("front")) is None for car in cars):
             said = "tires of the model 'contact', which MuJoCo's height fields shake, on ground that is not level"
             raise SettingsError(f"{said}; accepted: any other set, or a level course")
-        if track.moving:
+        if track.moving or any(part.built.weight for part in getattr(track, "wall_parts", ())):
             said = f"things that move on {track.name!r}, whose ground is not level"
             raise SettingsError(f"{said}; accepted: none, or a level course")
         from .terrain import add_terrain
@@ -337,6 +337,8 @@ def _compose(
         stand_on_ground(car, *(LIDAR_IN_CAR + name for name in solids))
         spec.attach(car, frame=spec.worldbody.add_frame(), prefix=car_prefix(index))
     add_touch_sensors(spec, len(cars))
+    if walls:
+        _add_pieces(spec, track)
     if ground is not None and not ground.flat:
         from .terrain import stand_on_terrain
 
@@ -399,7 +401,11 @@ def _add_light(spec: Any, track: Course) -> None:
 def _add_walls(spec: Any, track: Course) -> None:
     """Add the walls as solids that are hit; where the course has a surface of them, it is seen in their place."""
     ground, parts = getattr(track, "ground", None), getattr(track, "wall_parts", ())
-    surfaces = [(part.built, part.surface()) for part in parts] or [(None, track.wall_surface())]
+    parts, pushed = [part for part in parts if not part.built.weight], any(part.built.weight for part in parts)
+    surfaces = [(part.built, part.surface()) for part in parts]
+    walls = [solid for part in parts for solid in part.solids()] if surfaces or pushed else track.walls
+    if not surfaces and not pushed:
+        surfaces = [(None, track.wall_surface())]
     for number, (built, surface) in enumerate(surfaces):
         if surface is None:
             continue
@@ -413,9 +419,32 @@ def _add_walls(spec: Any, track: Course) -> None:
         )
         if built is not None and built.porosity:
             let_through(spec, geom, math.sqrt(built.porosity))  # a beam meets its front and its back
-    hidden = 0 if surfaces[0][1] is None else len(track.walls)
-    for index, wall in enumerate((*track.walls, *getattr(track, "hall", ()))):
+    hidden = 0 if surfaces and surfaces[0][1] is None else len(walls)
+    for index, wall in enumerate((*walls, *getattr(track, "hall", ()))):
         _add_hull(spec, f"wall_{index}", _prism(wall, ground), _INVISIBLE if index < hidden else _WALL_COLOUR)
+
+
+def _add_pieces(spec: Any, track: Course) -> None:
+    """Add the walls that a car can push, each piece as a body."""
+    pieces = [piece for part in getattr(track, "wall_parts", ()) if part.built.weight for piece in part.split()]
+    if not pieces:
+        return
+    from .pieces import add_body
+
+    for index, piece in enumerate(pieces):
+        body, centre = add_body(spec, index, piece)
+        vertices, faces = piece.surface()
+        vertices = vertices - (*centre, 0.0)
+        name = f"piece_{index}"
+        spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel())
+        geom = body.add_geom(
+            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0,
+            rgba=_DUCT_COLOUR if piece.built.kind == "duct" else _WALL_COLOUR,
+        )  # fmt: skip
+        if piece.built.porosity:
+            let_through(spec, geom, math.sqrt(piece.built.porosity))
+        for number, solid in enumerate(piece.solids()):
+            _add_hull(spec, f"{name}_{number}", _prism(solid) - (*centre, 0.0), _INVISIBLE, body)
 
 
 def _prism(solid: Obstacle, ground: Any = None) -> FloatArray:
@@ -434,10 +463,12 @@ def _add_moving(spec: Any, name: str, obstacle: MovingObstacle) -> None:
     spec.add_numeric(name=name, data=obstacle.numbers())
     body = spec.worldbody.add_body(name=name, mocap=True, pos=(*obstacle.position(0.0), 0.0))
     solid = replace(obstacle.box(0.0), x=0.0, y=0.0)
-    _add_hull(spec, name, _prism(solid), _OBSTACLE_COLOUR, body)
+    _add_hull(spec, name, _prism(solid), _OBSTACLE_COLOUR, body, PUSH_OF_MOVING)
 
 
-def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, ...], body: Any = None) -> None:
+def _add_hull(
+    spec: Any, name: str, vertices: FloatArray, colour: tuple[float, ...], body: Any = None, *push: float
+) -> None:
     """Add the hull of `vertices` (n, 3) [m] to `body`, or to the world, as a solid; rays see it unless invisible."""
     mesh = spec.add_mesh(name=name, uservert=vertices.ravel())
     mesh.needsdf = False
@@ -445,7 +476,4 @@ def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, .
         name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=_WALL_CONTYPE, conaffinity=0,
         group=_COLLISION_GROUP if colour == _INVISIBLE else 0,
     )  # fmt: skip
-    if body is None:
-        harden(geom, spec.option.timestep)
-    else:
-        harden(geom, spec.option.timestep, PUSH_OF_MOVING)
+    harden(geom, spec.option.timestep, *push)

@@ -251,6 +251,14 @@ class WorldBatch:
             model.nq, model.nv, model.nsensordata, model.nuserdata, model.npair, int(self._on_own_tires)
         )  # fmt: skip
 
+    def _pieces(self) -> FloatArray:
+        """Return the pieces of walls that cars can push."""
+        if mujoco.mj_name2id(self.world.model, mujoco.mjtObj.mjOBJ_BODY, "piece_0") < 0:
+            return np.zeros((0, 5))
+        from .pieces import piece_table
+
+        return piece_table(self.world.model)
+
     def _gear_of(self, car: Car, meter: TireSlipMeter) -> NDArray[np.void]:
         """Return the steering and drive of a car, (1,) of GEAR."""
         gear = gear_row(self._model, car.prefix).copy()
@@ -274,7 +282,8 @@ class WorldBatch:
             "car_places": self._car_places, "touch_places": self._touch_places,
             "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(4, np.int64), "gears": self._gears,
             "row_counts": inertia.row_counts, "row_starts": inertia.row_starts, "inertia_columns": inertia.columns,
-            "scratch": np.zeros(SCRATCH), **self.clear._asdict(), "motions": self._motions, **self._engine_arrays(),
+            "scratch": np.zeros(SCRATCH), "pieces": self._pieces(), **self.clear._asdict(), "motions": self._motions,
+            **self._engine_arrays(),
         }  # fmt: skip
         if course is not None:
             arrays["table"] = np.ascontiguousarray(course.table)

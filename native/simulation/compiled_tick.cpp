@@ -13,6 +13,7 @@
 #include "../vehicle/tire_forces.hpp"
 #include "../vehicle/tire_slip.hpp"
 #include "clock.hpp"
+#include "pieces.hpp"
 #include "termination.hpp"
 
 namespace fg {
@@ -26,7 +27,7 @@ enum {
     RANGES = CUTS + scratch_arrays, OPTICS, COMMANDS, TIMES, RECORDS, IDS, STATUS, FAILED, MU, SLIP, CRASHED, STATISTICS, REASONS, WARNINGS, LAP_TIMES,
     STANDING_SINCE, COURSE_TABLE, TIRES, TIRE_STATES, PATCHES, WHEELS, FLOOR_MU, PAIRS, CAR_PLACES, LINKS, TOUCH_PLACES,
     TOUCHED_AT, SIZES, SPAN, ROW_COUNTS, ROW_STARTS, INERTIA_COLUMNS, GEARS, SCRATCH,
-    DISTANCES, CORNER, BODIES, STATE_NUMBERS, ALONE, COPIES, ARRAYS
+    DISTANCES, CORNER, BODIES, STATE_NUMBERS, ALONE, COPIES, PIECES, ARRAYS
 };
 
 // The rows of a table in which ticks are kept, in the order of KEPT.
@@ -109,6 +110,7 @@ std::int64_t do_steps(const mjModel* model, mjData* data, std::int64_t world, co
             step_on_tires(model, data, worlds.inertia, worlds.gears, worlds.tires, under, userdata, worlds.scratch,
                           sizes.dofs, worlds.times.timestep, span.advance != 0, clear, step == span.end - 1);
         }
+        if (span.advance) rub(data, worlds.pieces, worlds.times.timestep);
         const Row<double> sensors = worlds.sensors[world], record = worlds.records[world][step];
         for (std::int64_t k = 0; k < sizes.readings; ++k) sensors[k] = record[k] = readings[k];
         const Row<double> tire_states = worlds.tire_states[world][step];
@@ -353,7 +355,8 @@ WorldArrays::WorldArrays(Row<const ArrayPlace> table)
              table[BODIES].table<const double>()},
       state_numbers(table[STATE_NUMBERS].row<std::int32_t>()),
       alone(table[ALONE].lengths[0] > 0 ? &record<const CarsAlone>(table[ALONE]) : nullptr),
-      copies(records_of<const FieldCopy>(table[COPIES])) {}
+      copies(records_of<const FieldCopy>(table[COPIES])),
+      pieces(table[PIECES].table<const double>()) {}
 
 void read(const WorldArrays& worlds, Row<const bool> which) {
     for (std::int64_t row = 0; row < which.length; ++row) {

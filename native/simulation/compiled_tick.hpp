@@ -106,6 +106,7 @@ struct WorldArrays {
     Row<std::int32_t> state_numbers;
     const CarsAlone* alone;  // null: there is none
     Row<const FieldCopy> copies;
+    Matrix pieces;  // (k, 5) of walls that can be pushed, see pieces.hpp
 
     // The part of the state of a world that its positions, velocities or controls are.
     Row<double> qpos(std::int64_t world) const { return part(world, places.layout.qpos); }

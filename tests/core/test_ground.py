@@ -319,6 +319,8 @@ def test_heights_with_a_hole_or_in_centimetres_and_tires_on_contacts_are_refused
         _ = replace(fg.load_track("oval"), relief=Relief(heights=steps, corner=(-10.0, -10.0))).ground
     with pytest.raises(SettingsError, match="contact"):
         World("oval[bank=5]", tires="contact")
+    with pytest.raises(SettingsError, match="things that move"):
+        World("oval[bank=5,weight=2]")
     with pytest.raises(SettingsError, match="floor_angle on ground that is not level"):
         fg.race("oval[bank=5]", floor_angle=0.1)
     np.save(tmp_path / "own.npy", np.zeros((4, 4)))

@@ -19,7 +19,9 @@ from fg_mujoco.errors import TrackError
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.world import World
+from fg_mujoco.vehicle.tire_forces import TireForces
 from map_oracles import draw_map, ring
 
 HALL = "[walls=duct,height=0.2,room=5]"
@@ -251,11 +253,103 @@ def test_tables_of_walls_that_cannot_be_are_refused_in_a_line_with_the_file(tabl
     assert "\n" not in str(refused.value)
 
 
+PUSHED = "oval[walls=duct,height=0.2,weight=2,room=3]"
+
+
+class Blind:
+    """Drives straight ahead, whatever is there."""
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=0.0, speed=3.0)
+
+
+@each("motion", [(1.5, 0.0, 0.0), (-0.6, 0.8, 0.0), (0.0, 0.0, 2.0), (0.5, 0.0, 1.0)])
+def test_a_piece_that_slides_comes_to_rest_where_coulombs_law_says(motion):
+    world = World(PUSHED)
+    simulation, model = Simulation(world), world.model
+    simulation.reset()
+    data, pieces = simulation.data, [model.body(f"piece_{number}") for number in range(20)]
+    body = max(pieces, key=lambda piece: piece.inertia[2] / piece.mass[0] / (piece.mass[0] ** 2 / 4.0 + 0.04))
+    first, dof, mass, inertia = model.jnt_qposadr[body.jntadr[0]], body.dofadr[0], body.mass[0], body.inertia[2]
+    length = mass / 2.0
+    assert inertia == pytest.approx(mass * (length**2 + 0.2**2) / 12.0, rel=2e-3)  # it is a straight one
+    before = data.qpos[first : first + 3].copy()
+    data.qvel[dof : dof + 3] = motion
+    for _ in range(60):
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=0.0))
+    moved = data.qpos[first : first + 3] - before
+    assert not data.qvel[dof : dof + 3].any()
+    if motion[2] == 0.0:  # v^2 / 2 mu g, along its motion
+        speed = math.hypot(*motion[:2])
+        assert moved[:2] == pytest.approx(np.array(motion[:2]) * speed / (2 * 0.5 * 9.81), rel=0.02)
+    elif not any(motion[:2]):  # the moment of its friction is mu m g L / 4
+        slowing = 0.5 * mass * 9.81 * 0.25 * length / inertia
+        assert moved[2] == pytest.approx(motion[2] ** 2 / (2 * slowing), rel=0.02)
+    else:  # each goes on for longer than alone
+        assert moved[0] > 0.5**2 / (2 * 0.5 * 9.81) * 1.1
+
+
+def test_a_car_that_hits_a_piece_gives_it_the_momentum_that_it_loses():
+    world = World("oval[weight=2,room=3]")
+    model, data, forces = world.model, mujoco.MjData(world.model), TireForces(world.model, "car/")
+    x, y, heading = world.track.start_pose()
+    world.car.set_pose(data, x, y, heading + 0.5 * math.pi, 3.0)
+    world.car.apply(data, fg.DriveCommand(steering_angle=0.0, speed=3.0))
+    forces.begin(data)
+    car = model.body("car/base_link").id
+    pieces = [(body.dofadr[0], body.mass[0]) for body in map(model.body, (f"piece_{number}" for number in range(20)))]
+
+    def momentum():
+        for update in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel, mujoco.mj_subtreeVel):
+            update(model, data)
+        return model.body_subtreemass[car] * data.subtree_linvel[car, :2]
+
+    gained = np.zeros(2)
+    while not gained.any():
+        before = momentum()
+        forces.step(data)
+        gained = sum(mass * data.qvel[dof : dof + 2] for dof, mass in pieces)
+    lost = before - momentum()
+    assert np.linalg.norm(gained) > 2.0
+    assert gained == pytest.approx(lost, abs=0.08 * np.linalg.norm(gained))  # but for what the tires push meanwhile
+
+
+def test_beams_see_a_piece_where_it_is_as_mujocos_own_rays_do():
+    drawn, cast = World(PUSHED), World(PUSHED, lidar="rangefinder")
+    found = []
+    for world in (drawn, cast):
+        data = pitched(world, 0.0)
+        for piece in range(4):
+            data.qpos[world.model.jnt_qposadr[world.model.body(f"piece_{piece}").jntadr[0]] :][:3] = 0.3, 0.2, 0.1
+        mujoco.mj_forward(world.model, data)
+        found.append(world.lidar.ranges(data))
+    assert found[0] == pytest.approx(found[1], abs=2e-4)  # as on any course: sites keep six digits in MJCF
+    assert np.abs(found[0] - drawn.lidar.ranges(pitched(drawn, 0.0))).max() > 0.05
+
+
+def test_a_race_into_a_duct_that_moves_is_a_collision_is_replayed_and_is_that_of_a_rollout(tmp_path):
+    races = [fg.race(name, Blind(), laps=1, time_limit=4.0) for name in (PUSHED, PUSHED.replace(",weight=2", ""))]
+    assert [race.car.collisions_wall > 0 for race in races] == [True, True]
+    write_run(races[0], tmp_path / "run")
+    assert fg.replay(tmp_path / "run").identical
+    name = PUSHED.replace("weight=2", "weight=1,gap=0.05")
+    worlds = fg.rollout(
+        name, n=3, laps=1, time_limit=3.0, out=tmp_path / "worlds", record="telemetry", workers=2,
+        randomize={"mu": (0.5, 1.0)},
+    )  # fmt: skip
+    for world in range(3):
+        race = fg.race(worlds.setup(world))
+        assert np.array_equal(race.car.telemetry, worlds.telemetry(world), equal_nan=True)
+
+
 @each("text", [
     "oval[walls=round]", "oval[height=0]", "oval[height=high]", "oval[walls=duct,thickness=0.1]", "oval[clutter=3]",
     "oval[height=0.2,height=0.3]", "oval[porosity=2]", "oval[gap=-1]", "scene:narrow_gap_150:1[height=0.2]",
     "oval[room=0.3,clutter=400]", "oval[piece=nan,gap=0.1]", "oval[height=0.2,scale=2]", "oval[wall=duct]",
-    "random:3[gaps=1]", "oval[height=0.2",
+    "random:3[gaps=1]", "oval[height=0.2", "oval[weight=-1]",
 ])  # fmt: skip
 def test_settings_of_walls_that_cannot_be_are_refused_in_a_line(text):
     with pytest.raises(TrackError, match="accepted") as refused:
