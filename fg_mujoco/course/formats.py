@@ -23,8 +23,8 @@ from .kept_courses import kept_course
 from .track import Track
 
 _OF_CIRCUITS = re.compile(
-    r"\[((?:[^\[\]]*,)?(?:walls|height|thickness|gap|piece|porosity|room|room_height|clutter|wall_seed|bank|ramp|crest|"
-    r"roughness|ground_seed|heights|cell|corner)=[^\[\]]*)\]$"
+    r"\[((?:[^\[\]]*,)?(?:walls|height|thickness|gap|piece|porosity|weight|room|room_height|clutter|wall_seed|"
+    r"bank|ramp|crest|kerb|cable_bridge|roughness|ground_seed|heights|low|high|cell|corner)=[^\[\]]*)\]$"
 )  # the settings of a name, some of which are of built_walls.SETTINGS or ground.SETTINGS
 
 TIGHT = "tight"
@@ -76,7 +76,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
 
     texts = match[1].split(",")
     own: dict[str, Any] = {}
-    for field, room, make in (("built", built_walls, built_walls.Walls), ("relief", ground, ground.Relief)):
+    for field, room, make in (("built", built_walls, built_walls.Walls), ("relief", ground, ground.relief_of)):
         told = [text for text in texts if text.partition("=")[0] in room.SETTINGS]
         texts = [text for text in texts if text not in told]
         settings = read_settings(name, ",".join(told), room.SETTINGS)

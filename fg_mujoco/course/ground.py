@@ -20,7 +20,7 @@ import numpy as np
 
 from .. import portable
 from ..arguments import explain_class
-from ..errors import SettingsError, TrackError, accepted_names
+from ..errors import SettingsError, TrackError, accepted_names, missing_extra
 from ..messages import FloatArray, read_only, require, require_whole, shown
 from .files import read_bytes
 from .polyline import cross, is_inside, step_lengths, steps, subdivide
@@ -31,11 +31,14 @@ ROUGHNESS = {"": 0.0, "A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}
 SCALE = 0.1
 """Of our cars: a road's heights and lengths are so many times as great for them."""
 
-_CELL, _FINE_CELL, _COARSE_CELL = 0.1, 0.05, 0.2  # [m] the last of circuits too large for the first
+_CELL, _FINE_CELL, _BRIDGE_CELL = 0.1, 0.05, 0.025  # [m]
+_COARSE_CELL = 0.2  # [m] of circuits that are too large for _CELL
 _BEYOND = 1.5  # [m] of ground round the walls
 _STEEPEST_BANK, _STEEPEST_RAMP = 30.0, 20.0  # [deg]
 _PLATEAU, _RISE, _ROUNDED = 1.0, 0.25, 1.0  # [m] a ramp's length on top, its height, and over what its corners are
 _CREST_LENGTH = 4.0  # [m]
+_KERB_WIDTH, _KERB_RISE = 0.25, 0.1  # [m] of a kerb, and of it what rises from the road
+_BRIDGE_TOP, _BRIDGE_SLOPE = 4.0, 3.0  # heights of it: about those of cable protectors that lorries cross, 5 x 50 cm
 _STRAIGHT = 0.05  # [1/m] curvature of a stretch that takes a ramp
 _LONGEST_WAVE, _SHORTEST_WAVE, _WAVES = 5.0, 0.2, 160  # [m] of roughness, at our scale
 _STEEPEST = 1.0  # slope of a road: 45 degrees
@@ -59,6 +62,8 @@ class Relief:
     bank: float = 0.0  # [deg] of bends, their outside higher
     ramp: float = 0.0  # [deg] up and down again, on the longest straight stretch
     crest: float = 0.0  # [m] height of a smooth one there; negative: a sag
+    kerb: float = 0.0  # [m] height of what rises along both walls of bends
+    cable_bridge: float = 0.0  # [m] height of one across the longest straight stretch
     roughness: str = ""  # class of ISO 8608, at the scale of our cars
     seed: int = 0  # of the roughness
     heights: FloatArray | None = None  # (rows, columns) [m] of one's own, rows from the lowest y on
@@ -68,8 +73,9 @@ class Relief:
     def __post_init__(self) -> None:
         for names, most, unit in (
             (("bank",), _STEEPEST_BANK, "deg"), (("ramp",), _STEEPEST_RAMP, "deg"), (("crest",), 0.5, "m"),
+            (("kerb",), 0.05, "m"), (("cable_bridge",), 0.1, "m"),
         ):  # fmt: skip
-            least = 0.0 if names == ("ramp",) else -most
+            least = -most if names in (("bank",), ("crest",)) else 0.0
             require(self, lambda v: least <= v <= most, f"{least:g} to {most:g} {unit}", names, SettingsError)  # noqa: B023
         if self.roughness not in ROUGHNESS:
             raise SettingsError(f"Relief.roughness is {self.roughness!r}; {accepted_names(self.roughness, ROUGHNESS)}")
@@ -99,7 +105,12 @@ class Relief:
     @property
     def level(self) -> bool:
         """Whether it has nothing."""
-        return self.heights is None and not (self.bank or self.ramp or self.crest or self.roughness)
+        return self.heights is None and not (self.shaped or self.roughness)
+
+    @property
+    def shaped(self) -> bool:
+        """Whether it has something that is along the line."""
+        return bool(self.bank or self.ramp or self.crest or self.kerb or self.cable_bridge)
 
     @property
     def own(self) -> Ground:
@@ -111,26 +122,58 @@ class Relief:
     def definition(self) -> dict[str, FloatArray]:
         """All numbers that it is, by name, for the definition of a course; `of` reads them back."""
         place = list(ROUGHNESS).index(self.roughness)
-        row = [self.bank, self.ramp, self.crest, place, self.seed, self.cell, *self.corner]
+        shape = [self.bank, self.ramp, self.crest, self.kerb, self.cable_bridge]
+        row = [*shape, place, self.seed, self.cell, *self.corner]
         own = {} if self.heights is None else {"heights": self.heights}
         return {"relief": np.array(row, np.float64)} | own
 
     @classmethod
     def of(cls, definition: Mapping[str, FloatArray]) -> Relief:
         """Return the relief that is in a definition."""
-        bank, ramp, crest, place, seed, cell, x, y = np.asarray(definition["relief"]).tolist()
+        bank, ramp, crest, kerb, bridge, place, seed, cell, x, y = np.asarray(definition["relief"]).tolist()
         return cls(
-            bank=bank, ramp=ramp, crest=crest, roughness=list(ROUGHNESS)[int(place)], seed=int(seed), cell=cell,
-            corner=(x, y), heights=definition.get("heights"),
+            bank=bank, ramp=ramp, crest=crest, kerb=kerb, cable_bridge=bridge, roughness=list(ROUGHNESS)[int(place)],
+            seed=int(seed), cell=cell, corner=(x, y), heights=definition.get("heights"),
         )  # fmt: skip
 
 
-def _read_heights(path: str) -> FloatArray:
-    """Return the heights of a .npy file; ValueError: it has none."""
+def relief_of(
+    *, heights: str | None = None, low: float | None = None, high: float | None = None, **others: Any
+) -> Relief:
+    """Return the relief of settings in a name; `low` and `high` [m] are the heights of black and of white in a picture.
+
+    Raises:
+      SettingsError: of Relief, a file that has no heights, or a picture in colour or without `high`.
+    """
+    is_picture = heights is not None and heights.lower().endswith(".png")
+    if is_picture != (high is not None) or (low is not None and high is None):
+        said = f"heights={heights}, low={low}, high={high}"
+        raise SettingsError(f"{said}; accepted: low and high [m] of a grey .png, of which low is 0 unless told")
+    if heights is None:
+        return Relief(**others)
     try:
-        return np.asarray(np.load(BytesIO(read_bytes(path)), allow_pickle=False), np.float64)
-    except (OSError, EOFError, MemoryError, TypeError) as error:
-        raise ValueError(f"{path} has no heights") from error
+        found = _read_picture(heights) if is_picture else np.load(BytesIO(read_bytes(heights)), allow_pickle=False)
+        own = np.asarray(found, np.float64)
+    except (OSError, EOFError, MemoryError, TypeError, SyntaxError, ValueError) as error:
+        if isinstance(error, SettingsError):
+            raise
+        said = f"heights={heights}: {getattr(error, 'strerror', None) or 'no heights'}"
+        raise SettingsError(f"{said}; accepted: {SETTINGS['heights'][0]}, of heights") from error
+    return Relief(heights=own if high is None else (low or 0.0) + (high - (low or 0.0)) * own, **others)
+
+
+def _read_picture(path: str) -> FloatArray:
+    """Return the brightness of a grey PNG, 0 black to 1 white, the lowest row first. Shape (rows, columns)."""
+    try:
+        from PIL import Image
+    except ModuleNotFoundError:
+        raise missing_extra("heights of a picture need Pillow", "maps") from None
+    with Image.open(BytesIO(read_bytes(path))) as image:
+        if image.width * image.height > _MOST_NODES:
+            raise SettingsError(f"{path}: {image.width} x {image.height} pixels; accepted: {_MOST_NODES} at most")
+        if image.format != "PNG" or image.mode not in ("L", "I;16", "I;16B", "I"):
+            raise SettingsError(f"{path}: a {image.format} of mode {image.mode}; accepted: a grey PNG of 8 or 16 bits")
+        return np.asarray(image, np.float64)[::-1] / (255.0 if image.mode == "L" else 65535.0)
 
 
 def _read_point(text: str) -> tuple[float, float]:
@@ -139,10 +182,10 @@ def _read_point(text: str) -> tuple[float, float]:
 
 
 SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
-    "bank": ("DEGREES", float), "ramp": ("DEGREES", float), "crest": ("METRES", float),
-    "roughness": (", ".join(filter(None, ROUGHNESS)), str), "ground_seed": ("NUMBER", int),
-    "heights": ("FILE.npy of heights in metres", _read_heights), "cell": ("METRES", float),
-    "corner": ("X:Y", _read_point),
+    "bank": ("DEGREES", float), "ramp": ("DEGREES", float), **dict.fromkeys(("crest", "kerb"), ("METRES", float)),
+    "cable_bridge": ("METRES", float), "roughness": (", ".join(filter(None, ROUGHNESS)), str),
+    "ground_seed": ("NUMBER", int), "heights": ("FILE.npy or FILE.png", str),
+    **dict.fromkeys(("low", "high", "cell"), ("METRES", float)), "corner": ("X:Y", _read_point),
 }  # fmt: skip
 """Settings in the brackets of a circuit's name, as `centreline_csv.read_settings` reads them."""
 
@@ -198,11 +241,12 @@ def make_ground(track: Any) -> Ground | None:
     relief = track.relief
     if relief.level:
         return None
-    shaped = relief.bank or relief.ramp or relief.crest
-    if shaped and not track.closed:
-        said = f"{track.name!r} has a bank, ramp or crest"
+    if relief.shaped and not track.closed:
+        said = f"{track.name!r} has a bank, ramp, crest, kerb or cable bridge"
         raise TrackError(f"{said}; accepted: roughness or heights, where the line is not closed")
-    cell = relief.cell if relief.heights is not None else _FINE_CELL if relief.roughness else _CELL
+    cell = _BRIDGE_CELL if relief.cable_bridge else _FINE_CELL if relief.roughness or relief.kerb else _CELL
+    if relief.heights is not None:
+        cell = min(cell, relief.cell) if relief.cable_bridge or relief.kerb else relief.cell
     points = np.concatenate((track.bounds, *track.edges, *(each.corners() for each in getattr(track, "hall", ()))))
     low, rows, columns = _grid(points, cell)
     if rows * columns > _MOST_NODES and cell == _CELL and relief.heights is None:
@@ -214,8 +258,9 @@ def make_ground(track: Any) -> Ground | None:
     x, y = low[0] + cell * np.arange(columns), low[1] + cell * np.arange(rows)
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
     heights = np.zeros(rows * columns)
-    if shaped:
+    if relief.shaped:
         most = math.tan(math.radians(abs(relief.bank))) + math.tan(math.radians(relief.ramp))
+        most += relief.kerb / _KERB_RISE + (relief.cable_bridge > 0.0) / _BRIDGE_SLOPE
         found = _along_and_across(track, *_places(track, nodes)).reshape(rows, columns)
         heights += _without_steps(found, (_BEYOND_STEEPEST * most + _LEVEL_ENOUGH) * cell).ravel()
     nodes = nodes.reshape(-1, 2)
@@ -295,7 +340,14 @@ def _along_and_across(track: Any, s: FloatArray, offset: FloatArray) -> FloatArr
     slope = _smoothed(share, _EASED / step) * math.tan(math.radians(relief.bank))
     width = float(np.maximum(track.corridor_left, track.corridor_right).max()) + 0.5
     found = -np.clip(offset, -width, width) * np.interp(s, places, slope, period=track.length)
-    if relief.ramp or relief.crest:
+    if relief.kerb:
+        bends = _smoothed(np.where(np.abs(curvature) > _STRAIGHT, 1.0, 0.0), _KERB_WIDTH / step)
+        sides = (track.corridor_left, track.corridor_right)
+        left, right = (np.interp(s, track.arc_length, side, period=track.length) for side in sides)
+        inside = np.where(offset > 0.0, left, right) - np.abs(offset)
+        risen = np.clip((_KERB_WIDTH - inside) / _KERB_RISE, 0.0, 1.0)
+        found += relief.kerb * risen * np.interp(s, places, bends, period=track.length)
+    if relief.ramp or relief.crest or relief.cable_bridge:
         middle, length = _longest_straight(places, curvature, track.length)
         along = np.abs((places - middle + 0.5 * track.length) % track.length - 0.5 * track.length)
         profile = np.zeros(len(places))
@@ -309,6 +361,11 @@ def _along_and_across(track: Any, s: FloatArray, offset: FloatArray) -> FloatArr
             within = np.minimum(along / (0.5 * _CREST_LENGTH), 1.0)
             profile += 0.5 * relief.crest * (1.0 + portable.cos(math.pi * within))
         found += np.interp(s, places, profile, period=track.length)
+        if relief.cable_bridge:
+            _require_room(track, "cable bridge", 1.0, length)
+            away = np.abs((s - middle + 0.5 * track.length) % track.length - 0.5 * track.length)
+            half = (0.5 * _BRIDGE_TOP + _BRIDGE_SLOPE) * relief.cable_bridge
+            found += np.clip((half - away) / _BRIDGE_SLOPE, 0.0, relief.cable_bridge)
     return found
 
 

@@ -57,6 +57,7 @@ NO_END = 1e300  # [m] half-size of a plane without end, as there
 AS_OPTICS_SAY = -1.0
 """The porosity of a geom of a car, which follows from LidarEffects.through_cars."""
 _LEAST_STEP = 1e-4  # [rad] between beams, so that `bearing` in culling.hpp tells which two a point is between
+_LARGE = 2000  # triangles of a mesh that shares no cluster with others: ground would be as high as the walls on it
 _IN_PLANE = 1e-12  # of directions [-] and origins [m]
 
 # Corners of the box of half-sizes 1, and its sides as triangles.
@@ -167,8 +168,8 @@ class Surfaces(NamedTuple):
     """Surfaces that keep their places in the frame of one body."""
 
     body: int  # id of the body; 0, the world, for all that never moves
-    meshes: tuple[tuple[tuple[float, ...], FloatArray, NDArray[np.int32]], ...]  # of each porosity and material: these,
-    # vertices (v, 3) [m], and triangles (t, 3), indices of vertices
+    meshes: tuple[tuple[tuple[float, ...], FloatArray, NDArray[np.int32]], ...]  # of each porosity and material, and of
+    # what is large: these, vertices (v, 3) [m], and triangles (t, 3), indices of vertices
     planes: FloatArray  # (p, 14) as of SceneArrays, and the material behind
     shapes: FloatArray  # (k, SHAPE), and the material behind
 
@@ -182,10 +183,11 @@ def surfaces_of(model: Any, carrier: int | None, materials: FloatArray | None = 
     mujoco.mj_kinematics(model, data)
     more = 0 if materials is None else 1
     none = (0.0,) * (1 + more)
-    found: dict[int, tuple[dict[tuple[float, ...], list[Any]], list[Any], list[Any]]] = {0: ({none: []}, [], [])}
+    found: dict[int, tuple[dict[tuple[tuple[float, ...], int], list[Any]], list[Any], list[Any]]] = {}
+    found[0] = ({(none, -1): []}, [], [])
     for geom in _visible_geoms(model, carrier):
         body = int(model.body_weldid[model.geom_bodyid[geom]])  # 0 for all that never moves
-        meshes, planes, shapes = found.setdefault(body, ({none: []}, [], []))
+        meshes, planes, shapes = found.setdefault(body, ({(none, -1): []}, [], []))
         to_body, kind = data.xmat[body].reshape(3, 3).T, int(model.geom_type[geom])
         position = to_body @ (data.geom_xpos[geom] - data.xpos[body])
         rotation = to_body @ data.geom_xmat[geom].reshape(3, 3)
@@ -199,9 +201,10 @@ def surfaces_of(model: Any, carrier: int | None, materials: FloatArray | None = 
             shapes.append(np.concatenate((row, material)))
         else:
             own, corners = _geom_triangles(model, geom)
-            meshes.setdefault((porosity, *material), []).append((position + own @ rotation.T, corners))
+            alone = geom if len(corners) >= _LARGE else -1
+            meshes.setdefault(((porosity, *material), alone), []).append((position + own @ rotation.T, corners))
     return [
-        Surfaces(body, tuple((key, *_joined(own)) for key, own in sorted(meshes.items())),
+        Surfaces(body, tuple((key, *_joined(own)) for (key, _), own in sorted(meshes.items())),
                   np.reshape(planes, (-1, 14 + more)), np.reshape(shapes, (-1, SHAPE + more)))
         for body, (meshes, planes, shapes) in sorted(found.items())
     ]  # fmt: skip

@@ -15,7 +15,7 @@ import numpy as np
 from ..course.ground import Ground
 
 TERRAIN = "terrain"
-"""Name of the geom that tires stand on, the first of its model."""
+"""Name of the geom that tires stand on, the first of its model, as in native/vehicle/terrain.hpp."""
 
 SEEN = "terrain_seen"
 """Name of the geom that beams and pictures see."""

@@ -1,9 +1,10 @@
-// The ground under the wheels: level, or a height field, which is geom 0 of a model that has one.
+// The ground under the wheels: level, or a height field, which is geom 0 of a model that has one, by the name `terrain`.
 //
 // The surface goes through the heights at the nodes and has a slope that is steady: on each axis a cubic between four
 // nodes. Source: Keys, Cubic convolution interpolation for digital image processing, IEEE Trans. ASSP 29 (1981).
 #pragma once
 #include <array>
+#include <cstring>
 
 #include "../core/numbers.hpp"
 #include "mujoco_library.hpp"
@@ -21,7 +22,7 @@ public:
     Terrain() : heights_(nullptr) {}  // level ground
     // Read the terrain of a model.
     explicit Terrain(const mjModel* model)
-        : heights_(model->ngeom > 0 && model->geom_type[0] == mjGEOM_HFIELD ? model->hfield_data : nullptr) {
+        : heights_(is_terrain(model) ? model->hfield_data : nullptr) {
         if (level()) return;
         const int field = model->geom_dataid[0];
         const mjtNum* size = model->hfield_size + 4 * field;
@@ -35,6 +36,12 @@ public:
     }
 
     bool level() const { return heights_ == nullptr; }
+
+    // Return whether geom 0 is the ground, and no height field of a vehicle's own.
+    static bool is_terrain(const mjModel* model) {
+        return model->ngeom > 0 && model->geom_type[0] == mjGEOM_HFIELD &&
+               std::strcmp(model->names + model->name_geomadr[0], "terrain") == 0;
+    }
 
     // Return the surface at a place [m]; beyond the field it goes on as at its edge.
     Surface at(double x, double y) const {

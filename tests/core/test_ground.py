@@ -6,6 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from PIL import Image
 
 import fg_mujoco as fg
 from cases import each
@@ -73,7 +74,7 @@ def test_the_surface_is_the_cubic_of_both_axes_and_its_normal_is_its_slope():
     heights = rng.uniform(0.0, 1.0, (7, 9))
     heights = (heights - heights.min()) / np.ptp(heights)
     spec.add_hfield(name="field", nrow=7, ncol=9, size=(2.0, 1.5, 0.3, 0.1), userdata=heights.ravel())
-    spec.worldbody.add_geom(name="field", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="field", pos=(5.0, -2.0, 0.4))
+    spec.worldbody.add_geom(name="terrain", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="field", pos=(5.0, -2.0, 0.4))
     model = spec.compile()
     stored = 0.4 + 0.3 * model.hfield_data.reshape(7, 9).astype(float)
     for x, y in rng.uniform((3.0, -3.5), (7.0, -0.5), (200, 2)):
@@ -304,11 +305,72 @@ def test_open_ground_and_scenes_take_heights_and_a_run_on_them_is_replayed(tmp_p
 @each("text", [
     "oval[bank=40]", "oval[ramp=30]", "oval[roughness=E]", "oval[bank=x]", "oval[heights=none.npy]",
     "hairpins[ramp=0.5]", "scene:narrow_gap_150:1[bank=3]", "open_ground:2[roughness=C]", "open_ground:2[bank=3]",
+    "oval[kerb=0.2]", "oval[cable_bridge=-0.1]", "fast[cable_bridge=0.02]",
 ])  # fmt: skip
 def test_ground_that_cannot_be_is_refused_in_a_line(text):
     with pytest.raises(TrackError, match="accepted") as refused:
         _ = fg.load_track(text).ground
     assert "\n" not in str(refused.value)
+
+
+@each("bits", [8, 16])
+def test_a_grey_picture_is_read_as_heights_with_all_its_bits_and_its_first_row_above(bits, tmp_path):
+    rng, most = np.random.default_rng(5), 2**bits - 1
+    levels = rng.integers(0, most, (40, 60), endpoint=True).astype(np.uint16 if bits == 16 else np.uint8)
+    levels[0, :2] = 0, most
+    Image.fromarray(levels).save(tmp_path / "own.png")
+    name = f"open_ground:2[heights={tmp_path}/own.png,low=-0.02,high=0.05,cell=0.5,corner=-5:-6]"
+    course = fg.load_track(name)
+    rows, columns = np.mgrid[:40, :60]
+    places = np.stack((-5.0 + 0.5 * columns, -6.0 + 0.5 * (39 - rows)), axis=-1)
+    assert course.ground.at(places) == pytest.approx(-0.02 + 0.07 * levels / most, abs=1e-12)
+
+
+def test_pictures_that_are_no_heights_are_refused_in_a_line(tmp_path):
+    Image.new("RGB", (9, 9)).save(tmp_path / "colour.png")
+    Image.new("L", (9, 9)).save(tmp_path / "grey.png")
+    (tmp_path / "text.png").write_text("no picture")
+    for text, said in (
+        ("heights={}/colour.png,high=1", "RGB.*grey PNG of 8 or 16 bits"), ("heights={}/grey.png", "high"),
+        ("heights={}/text.png,high=1", "accepted"), ("heights={}/none.png,high=1", "No such file"), ("low=1", "grey"),
+    ):  # fmt: skip
+        with pytest.raises(TrackError, match=said) as refused:
+            fg.load_track(f"oval[{text.format(tmp_path)}]")
+        assert "\n" not in str(refused.value)
+
+
+def test_kerbs_rise_along_both_walls_of_bends_and_a_cable_bridge_crosses_a_straight():
+    course = fg.load_track("oval[kerb=0.01,cable_bridge=0.02]")
+    plain = fg.load_track("oval")
+
+    def across(place, offsets):
+        x, y, heading = plain.start_pose(place)
+        points = np.array([x, y]) + np.outer(offsets, (-math.sin(heading), math.cos(heading)))
+        return course.ground.at(points)
+
+    places = np.arange(0.0, plain.length, 0.02)
+    along = np.array([across(place, [0.0])[0] for place in places])
+    bridge = along > 0.001
+    assert along.max() == pytest.approx(0.02, abs=1e-6)
+    assert 0.02 * bridge.sum() == pytest.approx(0.02 * 10.0 - 2 * 0.003, abs=0.05)  # a top of 4 heights, slopes of 3
+    (middle,) = [places[bridge].mean()]
+    assert across(middle, [-0.9, -0.4, 0.5, 0.9]) == pytest.approx(0.02, abs=1e-6)
+    half = 1.1  # of the road
+    curvature = np.interp(places, plain.arc_length, plain.curvature, period=plain.length)
+    bend, straight = places[np.abs(curvature).argmax()], middle + 1.5
+    for side in (-1.0, 1.0):
+        assert across(bend, side * (half - np.array([0.05, 0.2, 0.3]))) == pytest.approx((0.01, 0.005, 0.0), abs=1.5e-3)
+    assert across(straight, [-half + 0.05, half - 0.05]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_height_field_of_a_vehicles_own_is_no_ground():
+    spec = mujoco.MjSpec()
+    spec.add_hfield(name="own", nrow=2, ncol=2, size=(1.0, 1.0, 0.3, 0.1), userdata=[0.0, 1.0, 1.0, 1.0])
+    for name, height in (("car/own", 0.0), ("terrain", 0.3)):
+        for geom in list(spec.geoms):
+            spec.delete(geom)
+        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="own")
+        assert core.surface_at(spec.compile()._address, 0.9, 0.9)[0] == pytest.approx(height, abs=0.02)
 
 
 def test_heights_with_a_hole_or_in_centimetres_and_tires_on_contacts_are_refused_with_the_place(tmp_path):
