@@ -9,7 +9,7 @@ from pathlib import Path
 from ..course.centreline_csv import load_centreline, write_centreline
 from ..course.course import describe_course
 from ..course.files import is_file, noting_files
-from ..course.formats import TIGHT, track_names
+from ..course.formats import TIGHT, parted, track_names
 from ..course.line_file import raceline_columns, raceline_text, read_line_file
 from ..course.maps.export import SUFFIXES, export_tracks, exported_files, require_track
 from ..course.maps.map_server import RESOLUTION, image_yaml
@@ -51,7 +51,8 @@ def _show(options: argparse.Namespace) -> int:
     require_ending(options.out, ".png", what="a picture")
     with noting_files() as read:
         track = load_track(options.track)
-    beside = "_course" if is_map(options.track) else ""
+    plain, _ = parted(options.track)
+    beside = "_course" if is_map(plain) else ""
     path = options.out or Path(f"{track.name.replace(':', '_')}{beside}.png")
     require_new(path, force=options.force, reads=read)
     picture = io.BytesIO()
@@ -59,8 +60,8 @@ def _show(options: argparse.Namespace) -> int:
     with writing(path):
         write_file(path, picture.getvalue())
     print(f"{path}: {describe_course(track)}")
-    if is_map(options.track):
-        for loop in map_loops(options.track):
+    if is_map(plain):
+        for loop in map_loops(plain):
             if not loop.driven:
                 x, y = loop.middle
                 print(

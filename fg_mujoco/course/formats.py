@@ -69,31 +69,43 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     name = str(name_or_path)
     if len(name) > LONGEST_NAME:
         raise TrackError(f"track {name[:60]!r}... has {len(name)} characters; accepted: {LONGEST_NAME} at most")
-    if (match := _OF_CIRCUITS.search(name)) is None:
+    plain, texts = parted(name)
+    if not texts:
         return _load(name, car)
     from . import built_walls, ground
     from .centreline_csv import read_settings
 
-    texts = match[1].split(",")
     own: dict[str, Any] = {}
     for field, room, make in (("built", built_walls, built_walls.Walls), ("relief", ground, ground.relief_of)):
         told = [text for text in texts if text.partition("=")[0] in room.SETTINGS]
-        texts = [text for text in texts if text not in told]
         settings = read_settings(name, ",".join(told), room.SETTINGS)
         try:
             own[field] = make(**{room.FIELDS.get(key, key): value for key, value in settings.items()}) if told else None
         except SettingsError as error:
             raise TrackError(f"{name!r}: {error}") from error
-    course: Any = _load(name[: match.start()] + (f"[{','.join(texts)}]" if texts else ""), car)
+    course: Any = _load(plain, car)
     if own["built"] is None and not isinstance(course, Track):
         del own["built"]
     if any(not hasattr(course, field) for field in own):
         said = f"{name!r} has settings of walls or ground"
         raise TrackError(f"{said}; accepted: those of walls of a circuit, those of ground of a circuit or scene")
     try:
-        return cast(Course, replace(course, name=name, **own))
+        return cast(Course, replace(course, name=f"{course.name}[{','.join(texts)}]", **own))
     except SettingsError as error:
         raise TrackError(f"{name!r}: {error}") from error
+
+
+def parted(name: str) -> tuple[str, list[str]]:
+    """Return the name of a course without its settings of walls and ground, and these, each as SETTING=VALUE."""
+    if (match := _OF_CIRCUITS.search(name)) is None:
+        return name, []
+    from .built_walls import SETTINGS as OF_WALLS
+    from .ground import SETTINGS as OF_GROUND
+
+    texts = match[1].split(",")
+    own = [text for text in texts if text.partition("=")[0] in {*OF_WALLS, *OF_GROUND}]
+    others = [text for text in texts if text not in own]
+    return name[: match.start()] + (f"[{','.join(others)}]" if others else ""), own
 
 
 def _load(name: str, car: CarParameters) -> Course:
