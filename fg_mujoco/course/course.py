@@ -7,7 +7,8 @@ object that has the members of `Course` can be raced, too: nothing in the packag
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,9 @@ from ..messages import CarParameters, FloatArray, MapLine, shown
 from .moving_obstacles import MovingObstacle
 from .obstacles import Box, Obstacle
 from .track_mesh import Surface
+
+if TYPE_CHECKING:
+    from .ground import Ground, Relief
 
 USUAL_LAPS = 5
 SLOWEST_RACE = 0.5  # [m/s] the default time limit is what a car as slow as this needs
@@ -166,6 +170,21 @@ class Course(Protocol):
         Raises:
           SettingsError: the course takes no random boxes.
         """
+
+
+class OnRelief:
+    """A course that says what its ground has."""
+
+    relief: Relief | None
+
+    @cached_property
+    def ground(self) -> Ground | None:
+        """The surface that it lies on, which goes on beyond its edge as there; None: level ground."""
+        if self.relief is None:
+            return None
+        from .ground import make_ground
+
+        return make_ground(self)
 
 
 MEMBERS = tuple(name for name in Course.__dict__ if not name.startswith("_"))

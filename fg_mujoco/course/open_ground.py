@@ -19,13 +19,13 @@ from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, MapLine, read_only, require
-from .course import Sites
+from .course import OnRelief, Sites
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle
 from .track_mesh import Surface
 
 if TYPE_CHECKING:
-    from .ground import Ground, Relief
+    from .ground import Relief
 
 _REACH = 50_000.0  # [m] that its line goes to either side of the origin: 40 minutes at 20 m/s
 _HALF_LINE = 0.3  # [m] to either side of the origin, of the line on the ground where the car starts
@@ -34,7 +34,7 @@ _AROUND = 2.0  # [m] round the origin, at least, in pictures
 
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class OpenGround(Shown):
+class OpenGround(OnRelief, Shown):
     """Open ground that is driven on for some time.
 
     Raises:
@@ -74,15 +74,6 @@ class OpenGround(Shown):
         around = np.array([[-_AROUND, -_AROUND], [_AROUND, _AROUND]])
         (low, high), own = around, around if self.relief is None else self.relief.own.bounds
         return read_only(np.stack((np.minimum(low, own[0]), np.maximum(high, own[1]))))
-
-    @cached_property
-    def ground(self) -> Ground | None:
-        """The surface that it is; None: level ground. Beyond the heights it goes on as at their edge."""
-        if self.relief is None:
-            return None
-        from .ground import make_ground
-
-        return make_ground(self)
 
     @property
     def description(self) -> str:

@@ -22,7 +22,7 @@ from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
-from .course import Sites
+from .course import OnRelief, Sites
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, solids_numbers
 from .polyline import cross, segments
@@ -30,7 +30,7 @@ from .projection import project_near, with_sections
 from .track_mesh import Surface
 
 if TYPE_CHECKING:
-    from .ground import Ground, Relief
+    from .ground import Relief
 
 BEHIND, BEYOND = 2.0, 3.0  # [m] least, of the way behind the start and beyond the goal
 STOP_TIME = 2.0  # [s] that the car has to stand still where the goal is to stop
@@ -40,7 +40,7 @@ _HALF_LINE = 0.3  # [m] to either side of the way, of the lines on the ground at
 
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Scene(Shown):
+class Scene(OnRelief, Shown):
     """A way to be driven once, among solids. Progress on the way is counted from its first point.
 
     Raises:
@@ -108,15 +108,6 @@ class Scene(Shown):
             "obstacles": solids_numbers(self.obstacles),
             "moving": np.array([moving.numbers() for moving in self.moving], np.float64),
         } | ({} if self.relief is None else self.relief.definition)
-
-    @cached_property
-    def ground(self) -> Ground | None:
-        """The surface that it lies on; None: level ground."""
-        if self.relief is None:
-            return None
-        from .ground import make_ground
-
-        return make_ground(self)
 
     @property
     def length(self) -> float:

@@ -23,7 +23,7 @@ from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
-from .course import CLEAR_AHEAD, CLEAR_BEHIND, ISLAND, Sites, default_time_limit
+from .course import CLEAR_AHEAD, CLEAR_BEHIND, ISLAND, OnRelief, Sites, default_time_limit
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
 from .polyline import MOST_POINTS, cross, segments, self_crossings, step_lengths, steps, subdivide, turns
@@ -32,7 +32,7 @@ from .track_mesh import Surface, joined, wall_feet, wall_surface
 
 if TYPE_CHECKING:
     from .built_walls import WallPart, Walls
-    from .ground import Ground, Relief
+    from .ground import Relief
 
 OFF_CENTRE = 0.5
 """Greatest offset of a random start, as a share of what the car has between the centreline and the nearer wall."""
@@ -52,7 +52,7 @@ _CHUNK = 256  # points projected at once against the whole line, to bound the me
 
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Track(Shown):
+class Track(OnRelief, Shown):
     """A circuit, driven in the order of its points.
 
     Raises:
@@ -233,15 +233,6 @@ class Track(Shown):
         if self.wall_parts:
             return joined(part.surface() for part in self.wall_parts)
         return wall_surface(self._standing_edges)
-
-    @cached_property
-    def ground(self) -> Ground | None:
-        """The surface that it lies on; None: level ground."""
-        if self.relief is None:
-            return None
-        from .ground import make_ground
-
-        return make_ground(self)
 
     @property
     def _longest_piece(self) -> float | None:

@@ -224,7 +224,8 @@ def test_a_rough_road_has_the_spectrum_of_its_class_at_our_scale(road):
 
 
 @each("name", [
-    "oval[bank=10]", "oval[ramp=8,walls=duct,height=0.2,room=3]", "oval[crest=0.1,roughness=C,ground_seed=4]",
+    "oval[bank=10,kerb=0.01,cable_bridge=0.01]", "oval[ramp=8,walls=duct,height=0.2,room=3]",
+    "oval[crest=0.1,roughness=C,ground_seed=4]",
 ])  # fmt: skip
 def test_walls_and_obstacles_stand_on_it_it_is_made_again_and_a_run_on_it_is_replayed(name, tmp_path):
     course = fg.load_track(name)
