@@ -207,17 +207,13 @@ class Track(OnRelief, Shown):
     @cached_property
     def wall_parts(self) -> list[WallPart]:
         """The walls by how they are built; none where that is not said."""
-        if self.built is None and not self.marked[0]:
+        kinds = getattr(self, "kinds", ())  # of a map
+        if self.built is None and not kinds:
             return []
         from .built_walls import Walls, wall_parts
 
-        kinds, marks = self.marked
+        marks = getattr(self, "marks", None)
         return wall_parts(self.edges, (self.built or Walls(), *kinds), marks, self._longest_piece)
-
-    @property
-    def marked(self) -> tuple[tuple[Walls, ...], FloatArray | None]:
-        """Further kinds of walls, and which each segment of all edges has: 0 as `built`, 1 the first; None: all 0."""
-        return (), None
 
     @cached_property
     def hall(self) -> tuple[Obstacle, ...]:
@@ -413,11 +409,6 @@ class MapTrack(Track):
     def islands(self) -> tuple[FloatArray, ...]:
         """Outlines of what stands between the walls, counterclockwise. Shapes (k, 2) [m], read-only."""
         return self.outlines
-
-    @property
-    def marked(self) -> tuple[tuple[Walls, ...], FloatArray | None]:
-        """The kinds of walls of the map's table, and which each segment of all edges has."""
-        return self.kinds, self.marks
 
     @property
     def definition(self) -> dict[str, FloatArray]:

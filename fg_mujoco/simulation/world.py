@@ -400,12 +400,10 @@ def _add_light(spec: Any, track: Course) -> None:
 
 def _add_walls(spec: Any, track: Course) -> None:
     """Add the walls as solids that are hit; where the course has a surface of them, it is seen in their place."""
-    ground, parts = getattr(track, "ground", None), getattr(track, "wall_parts", ())
-    parts, pushed = [part for part in parts if not part.built.weight], any(part.built.weight for part in parts)
-    surfaces = [(part.built, part.surface()) for part in parts]
-    walls = [solid for part in parts for solid in part.solids()] if surfaces or pushed else track.walls
-    if not surfaces and not pushed:
-        surfaces = [(None, track.wall_surface())]
+    ground, all_parts = getattr(track, "ground", None), getattr(track, "wall_parts", ())
+    parts = [part for part in all_parts if not part.built.weight]
+    surfaces = [(part.built, part.surface()) for part in parts] if all_parts else [(None, track.wall_surface())]
+    walls = [solid for part in parts for solid in part.solids()] if all_parts else track.walls
     for number, (built, surface) in enumerate(surfaces):
         if surface is None:
             continue
