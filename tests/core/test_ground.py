@@ -96,6 +96,8 @@ def test_the_surface_is_the_cubic_of_both_axes_and_its_normal_is_its_slope():
         distance = mujoco.mj_rayHfield(model, data, 0, inside, np.array([0.0, 0.0, -1.0]))
         distance = distance[0] if isinstance(distance, tuple) else distance
         assert 5.0 - distance == pytest.approx(core.surface_at(model._address, x, y)[0], abs=5e-3)
+    spec.geoms[0].name = "car/own"  # a vehicle's own is no ground
+    assert core.surface_at((other := spec.compile())._address, 5.0, -2.0) == (0.0, 0.0, 0.0, 1.0) and other.nhfield
 
 
 @each("degrees", [-10.0, 5.0, 15.0])
@@ -269,11 +271,9 @@ def test_courses_from_files_take_walls_and_ground_and_their_runs_are_replayed(ki
     plain, course = fg.load_track(path), fg.load_track(name)
     assert np.array_equal(plain.left_wall, course.left_wall)
     if course.built:
-        faces = np.concatenate([wall.corners()[:2] for wall in course.walls])
-        edges = np.concatenate(course.edges)
         lines = np.concatenate([segments(edge) for edge in course.edges])
-        away = [distance_to_segment(np.tile(face, (len(lines), 1)), *lines.transpose(1, 0, 2)).min() for face in faces]
-        assert len(faces) >= len(edges) and max(away) < 1e-9
+        for face in np.concatenate([wall.corners()[:2] for wall in course.walls]):
+            assert distance_to_segment(np.tile(face, (len(lines), 1)), *lines.transpose(1, 0, 2)).min() < 1e-9
     result = fg.race(name, laps=1, time_limit=4.0)
     write_run(result, tmp_path / "run")
     assert fg.replay(tmp_path / "run").identical
@@ -352,9 +352,8 @@ def test_kerbs_rise_along_both_walls_of_bends_and_a_cable_bridge_crosses_a_strai
     places = np.arange(0.0, plain.length, 0.02)
     along = np.array([across(place, [0.0])[0] for place in places])
     bridge = along > 0.001
-    assert along.max() == pytest.approx(0.02, abs=1e-6)
     assert 0.02 * bridge.sum() == pytest.approx(0.02 * 10.0 - 2 * 0.003, abs=0.05)  # a top of 4 heights, slopes of 3
-    (middle,) = [places[bridge].mean()]
+    middle = places[bridge].mean()
     assert across(middle, [-0.9, -0.4, 0.5, 0.9]) == pytest.approx(0.02, abs=1e-6)
     half = 1.1  # of the road
     curvature = np.interp(places, plain.arc_length, plain.curvature, period=plain.length)
@@ -362,16 +361,6 @@ def test_kerbs_rise_along_both_walls_of_bends_and_a_cable_bridge_crosses_a_strai
     for side in (-1.0, 1.0):
         assert across(bend, side * (half - np.array([0.05, 0.2, 0.3]))) == pytest.approx((0.01, 0.005, 0.0), abs=1.5e-3)
     assert across(straight, [-half + 0.05, half - 0.05]) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_height_field_of_a_vehicles_own_is_no_ground():
-    spec = mujoco.MjSpec()
-    spec.add_hfield(name="own", nrow=2, ncol=2, size=(1.0, 1.0, 0.3, 0.1), userdata=[0.0, 1.0, 1.0, 1.0])
-    for name, height in (("car/own", 0.0), ("terrain", 0.3)):
-        for geom in list(spec.geoms):
-            spec.delete(geom)
-        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="own")
-        assert core.surface_at(spec.compile()._address, 0.9, 0.9)[0] == pytest.approx(height, abs=0.02)
 
 
 def test_heights_with_a_hole_or_in_centimetres_and_tires_on_contacts_are_refused_with_the_place(tmp_path):

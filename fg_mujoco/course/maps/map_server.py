@@ -53,7 +53,7 @@ SPECK = 9
 MARK_REACH = 5
 """[pixel] from a pixel of a level in the table of walls, within which others have its kind."""
 
-_MOST_KINDS, _ALIKE = 100, 5.0  # of walls in a table; levels nearer than that are one
+_ALIKE = 5.0  # grey levels nearer than that are one
 _RESOLUTIONS = (0.001, 1.0)  # [m] of a pixel: from a millimetre to more than a car
 _FURTHEST = 1e4  # [m] from the world's origin: MuJoCo keeps meshes of walls in single precision, 1 mm there
 _GREATEST = 1e300  # of a number at all: whole numbers of YAML have no end
@@ -89,7 +89,7 @@ class OccupancyMap:
         None  # (rows, columns) pixels that free_thresh makes free, the saver's grey of unknown ground
     )
     kinds: tuple[Walls, ...] = ()  # of the walls of the grey levels in the table of its YAML
-    marks: NDArray[np.uint8] | None = None  # (rows, columns) place of the kind of a wall at each pixel, from 1; 0: none
+    marks: NDArray[np.uint16] | None = None  # (rows, columns) kind of a wall at each pixel, from 1; 0: none
     given: Mapping[str, str] = field(default_factory=dict)  # settings of the map's name that it was read with
 
     def to_world(self, points: ArrayLike) -> FloatArray:
@@ -229,13 +229,13 @@ def read_map_file(
 
 def _wall_kinds(
     path: Path, table: Any, levels: NDArray[Any], values: FloatArray, occupancy: FloatArray, is_free: BoolArray
-) -> tuple[tuple[Walls, ...], NDArray[np.uint8] | None]:
+) -> tuple[tuple[Walls, ...], NDArray[np.uint16] | None]:
     """Return the kinds of walls of a table of grey levels, and which each pixel has, row 0 below.
 
     A pixel has that of the nearest one, MARK_REACH away at most, that has a level of the table and beside none that is
     more occupied: on the soft edge of a black wall there is grey.
     """
-    if table is None:
+    if table is None or table == {}:
         return (), None
     from scipy import ndimage
 
@@ -246,23 +246,22 @@ def _wall_kinds(
     if not isinstance(table, dict) or not all(isinstance(each, dict) for each in table.values()):
         raise TrackError(f"{path}: walls is {shown(table)}; {accepted}")
     kinds: list[Walls] = []
-    of_level, there = np.zeros(len(values), np.uint8), np.bincount(levels.ravel(), minlength=len(values)) > 0
+    of_level, there = np.zeros(len(values), np.uint16), np.bincount(levels.ravel(), minlength=len(values)) > 0
     for level, own in table.items():
         named = f"{path}: walls of level {level!r}"
         alike = np.abs(values - level) < _ALIKE if _is_finite(level) else np.zeros(len(values), np.bool_)
-        if not (alike & there & ~is_free).any() or len(kinds) == _MOST_KINDS:
-            said = f"{named}, which no wall of the image has" if len(kinds) < _MOST_KINDS else f"{named}, one too many"
-            raise TrackError(f"{said}; accepted: up to {_MOST_KINDS} grey levels of walls, from 0 to 255")
+        if not (alike & there & ~is_free).any():
+            raise TrackError(f"{named}, which no wall of the image has; accepted: grey levels of walls, from 0 to 255")
         told = read_settings(named, ",".join(f"{key}={value}" for key, value in own.items()), OF_EACH)
         try:
             kinds.append(Walls(**{FIELDS.get(key, key): value for key, value in told.items()}))
         except SettingsError as error:
             raise TrackError(f"{named}: {error}") from error
-        of_level[alike & ~is_free] = len(kinds)  # of two levels as near, that of the latter
+        of_level[alike & ~is_free] = len(kinds)
     marks, seen = of_level[levels[::-1]], np.nan_to_num(255.0 * occupancy)[levels[::-1]]
     marks[ndimage.maximum_filter(seen, 3) > seen + _ALIKE] = 0
     away, nearest_at = ndimage.distance_transform_edt(marks == 0, return_indices=True)
-    return tuple(kinds), np.where(away <= MARK_REACH, marks[tuple(nearest_at)], 0).astype(np.uint8)
+    return tuple(kinds), np.where(away <= MARK_REACH, marks[tuple(nearest_at)], 0).astype(np.uint16)
 
 
 def image_yaml(image: Path, resolution: float, *, negate: bool = False) -> str:
