@@ -187,7 +187,7 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys, monkeypa
             line = refused(tmp_path, capsys, "report", str(copy), "--no-clip")
             assert f"summary.json: {path[0]} is " in line
             count += 1
-    refusals = 44 + len(summary["files"]) + 2 * len(summary["last_decision"])
+    refusals = 45 + len(summary["files"]) + 2 * len(summary["last_decision"])
     assert (taken["controller"], taken["track"], taken["vehicle"], count) == (MARKUP, MARKUP, MARKUP, refusals)
     (copy / "summary.json").write_text(json.dumps(taken))
     assert main(["report", str(copy), "--no-clip"]) == 0
