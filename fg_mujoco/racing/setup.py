@@ -120,7 +120,7 @@ class Setup:
         (), "a patch of the floor with another friction, x=1,y=2,length=3,width=1,mu=.4; again for each", "x=X,...",
         "floor",
     )  # fmt: skip
-    lidar: str = setting(  # mid360: raycast, and car 0 has the sensor of that name
+    lidar: str = setting(  # mid360: raycast, and the first entry has the sensor of that name
         "raycast", "back end: {names}, which is raycast with a Livox MID-360 besides; default: raycast", "NAME",
         "sensors",
     )
