@@ -20,6 +20,9 @@ from ..messages import FloatArray
 FRICTION = 0.5
 """[-] Of a duct on a floor: cloth and foil on carpet or concrete. An estimate."""
 
+MOST = 400
+"""Pieces of a world at most: MuJoCo reads no more than 500 numbers of a kind from a file."""
+
 _NUMBERS = "pieces"
 _ALONG = 50  # places of each footprint at which its mass is taken to be
 

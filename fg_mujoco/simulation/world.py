@@ -29,7 +29,7 @@ from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle, Pipe, require_obstacles
 from ..display import brief, quoted
-from ..errors import ModelError, Note, SettingsError, accepted_names
+from ..errors import ModelError, Note, SettingsError, TrackError, accepted_names
 from ..kept import kept
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..lidar.visible_surfaces import AS_OPTICS_SAY, ScanlineScene, let_through
@@ -427,8 +427,11 @@ def _add_pieces(spec: Any, track: Course) -> None:
     pieces = [piece for part in getattr(track, "wall_parts", ()) if part.built.weight for piece in part.split()]
     if not pieces:
         return
-    from .pieces import add_body
+    from .pieces import MOST, add_body
 
+    if len(pieces) > MOST:
+        said = f"{track.name!r} has {len(pieces)} pieces of walls that are pushed"
+        raise TrackError(f"{said}; accepted: up to {MOST}, with a longer piece, or without weight")
     for index, piece in enumerate(pieces):
         body, centre = add_body(spec, index, piece)
         vertices, faces = piece.surface()
