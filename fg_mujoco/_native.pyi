@@ -25,7 +25,7 @@ CALL_PYTHON: int
 """Address of a function in C that calls an object without arguments, by its `id`."""
 
 class Scene:
-    """The input of a scan, checked: SceneArrays of lidar/visible_surfaces.py."""
+    """The input of a scan, or of points, checked: SceneArrays of lidar/visible_surfaces.py."""
 
     def __init__(
         self, beams: _Numbers, limits: _Numbers, edges: _Numbers, triangles: NDArray[np.uint16], boxes: _Numbers,
@@ -41,22 +41,10 @@ class Scratch:
         self, cuts: _Numbers, columns: _Short, nearest: _Numbers, views: _Short, bins: _Short, poses: _Numbers
     ) -> None: ...
 
-class CloudScene:
-    """The surfaces that points meet, checked: CloudArrays of lidar/cloud_scene.py."""
-
-    def __init__(
-        self, vertices: _Numbers, triangles: NDArray[np.uint16], boxes: _Numbers, spans: _Short, planes: _Numbers,
-        frames: _Short, shapes: _Numbers, spheres: _Numbers, materials: _Numbers,
-    ) -> None: ...  # fmt: skip
-
-class Pattern:
-    """Directions of points: cosines and sines (8, 128), tangents and secants of elevations (2, cycle + 128)."""
-
-    def __init__(self, columns: _Numbers, elevations: _Numbers, cycle: int, blind: float) -> None: ...
-
 def cast_bursts(
-    scene: CloudScene, pattern: Pattern, joint: int, offset_position: _Numbers, offset_rotation: _Numbers, tree: int,
-    links: _Records, before: _Numbers, after: _Numbers, shares: _Numbers, placed: _Numbers, first: int, out: _Numbers,
+    scene: Scene, elevations: _Numbers, materials: _Numbers, joint: int, offset_position: _Numbers,
+    offset_rotation: _Numbers, tree: int, links: _Records, before: _Numbers, after: _Numbers, shares: _Numbers,
+    placed: _Numbers, first: int, out: _Numbers,
 ) -> None:  # fmt: skip
     """Write the points of bursts to `out`, see PointCaster.cast of lidar/point_cloud.py."""
 

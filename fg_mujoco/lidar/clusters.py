@@ -26,20 +26,10 @@ _LEAST_AREA = 1e-15  # [m^2] mjMINVAL: MuJoCo's rays pass through smaller triang
 class Clusters:
     """The clusters of one frame."""
 
-    edges: FloatArray  # (6, e) [m] both ends of each edge
-    triangles: NDArray[np.uint16]  # (t, 3) edges of each triangle, counted from the first of its cluster
+    edges: FloatArray  # (6, e) [m] both ends of each edge; or the vertices (3, v), in the order of their coordinates
+    triangles: NDArray[np.uint16]  # (t, 3) edges of each triangle, counted from the first of its cluster; or vertices
     boxes: FloatArray  # (7, b) [m] centre, half-sizes and half diagonal of the box around each cluster
     spans: NDArray[np.int32]  # (b, 4) first edge, behind the last edge, first triangle, behind the last triangle
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class VertexClusters:
-    """The clusters of one frame, by their vertices, which point_cloud.cpp wants."""
-
-    vertices: FloatArray  # (3, v) [m] those of a cluster in the order of their coordinates
-    triangles: NDArray[np.uint16]  # (t, 3) ascending vertices of each triangle, counted from the first of its cluster
-    boxes: FloatArray  # (7, b) [m] as of Clusters
-    spans: NDArray[np.int32]  # (b, 4) first vertex, behind the last vertex, first triangle, behind the last triangle
 
 
 def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Clusters:
@@ -72,13 +62,13 @@ def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Cluster
     )
 
 
-def make_vertex_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> VertexClusters:
-    """Return the clusters of `triangles` (t, 3), indices of `vertices` (v, 3) [m], by their vertices."""
+def make_vertex_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Clusters:
+    """Return the clusters of `triangles` (t, 3), indices of `vertices` (v, 3) [m], told by vertices."""
     places, corners, cluster, first_triangle = _clustered(vertices, triangles, 1.0)
     own, of_triangle = _distinct_rows(np.column_stack((np.repeat(cluster, 3), np.sort(corners, axis=1).ravel())))
     first = np.searchsorted(own[:, 0], np.arange(len(first_triangle)))
-    return VertexClusters(
-        vertices=np.ascontiguousarray(places[own[:, 1]].T),
+    return Clusters(
+        edges=np.ascontiguousarray(places[own[:, 1]].T),
         triangles=(of_triangle.reshape(-1, 3) - first[cluster][:, None]).astype(np.uint16),
         boxes=_boxes(places[corners], first_triangle[:-1]),
         spans=np.column_stack((first[:-1], first[1:], first_triangle[:-1], first_triangle[1:])).astype(np.int32),

@@ -11,6 +11,7 @@ A burst of 500 points, 2.5 ms, is measured at one moment, in its middle: the car
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from importlib.resources import files
 from typing import Any, NamedTuple
@@ -21,12 +22,14 @@ from numpy.typing import NDArray
 
 from .. import portable
 from ..arguments import Uncopied
+from ..course.moving_obstacles import moving_obstacles
 from ..errors import ModelError
 from ..messages import FloatArray, read_only
 from ..native import core
-from .body_poses import Mount
-from .cloud_scene import CloudScene
+from .body_poses import Mount, make_links
+from .clusters import make_vertex_clusters
 from .lidar import lidar_mount
+from .visible_surfaces import assembled, surfaces_of
 
 LINES, COLUMNS, BURSTS = 4, 125, 40
 """Lines; steps of each in a burst; bursts in a frame."""
@@ -59,10 +62,10 @@ class Sheet(NamedTuple):
     mount: FloatArray  # (3,) [m] from the vehicle's LiDAR, in its axes
     elevations: FloatArray  # (2,) [deg]
     range_min: float  # [m]
-    ranges: FloatArray  # (4,) as of CloudScene
+    ranges: FloatArray  # (4,) share of light that a surface reflects, and how far it is seen [m], of two
     range_noise_std: float  # [m]
     angle_noise_std: float  # [deg]
-    intensity: float
+    intensity: float  # of a surface that reflects all light
 
     @classmethod
     @lru_cache
@@ -75,32 +78,43 @@ class Sheet(NamedTuple):
 
 
 @lru_cache
-def _pattern() -> Any:
-    """Return the directions of all points for the native core."""
+def _pattern() -> tuple[FloatArray, FloatArray]:
+    """Return cosines and sines of all bearings (2, 512), then tangents and secants of a line's elevations, by step."""
     steps = np.minimum(np.arange(_ROOM), COLUMNS - 1)
-    columns = (steps + np.arange(LINES)[:, None] / LINES - 0.5 * COLUMNS) * (math.tau / (_SECTORS * COLUMNS))
+    bearings = (steps + np.arange(LINES)[:, None] / LINES - 0.5 * COLUMNS).ravel() * (math.tau / (_SECTORS * COLUMNS))
     low, high = np.radians(Sheet.load().elevations)
     phases = np.arange(CYCLE + _ROOM) % CYCLE + 0.25  # so that no elevation on the way down is one on the way up
     way = 1.0 - np.abs(2.0 * phases / CYCLE - 1.0)
     elevations = low + (high - low) * way
-    return core.Pattern(
-        np.concatenate((portable.cos(columns), portable.sin(columns))),
-        np.stack((portable.tan(elevations), 1.0 / portable.cos(elevations))), CYCLE, Sheet.load().range_min,
-    )  # fmt: skip
+    cosines, tangents = portable.cos(bearings), portable.tan(elevations)
+    return np.stack((cosines, portable.sin(bearings))), np.stack((tangents, 1.0 / portable.cos(elevations)))
 
 
-@lru_cache(maxsize=16)
-def _scene(model: Any) -> CloudScene:
-    """Return the surfaces of a model, once for all its cars."""
-    own = Sheet.load()
-    return CloudScene(model, own.ranges, own.intensity)
+class _Scene(NamedTuple):
+    """The visible surfaces of a model, all cars included, once for all its cars."""
+
+    native: Any
+    materials: FloatArray  # (m, 2) as of materials_of
+    moving: Sequence[Any]  # the moving obstacles, whose bodies are the first that move
+    links: Any  # those that the poses of the other bodies that move follow from, as LINK
+
+    @classmethod
+    @lru_cache(maxsize=16)
+    def of(cls, model: Any) -> _Scene:
+        """Return that of a model."""
+        which, materials = materials_of(model)
+        surfaces, moving = surfaces_of(model, None, which), moving_obstacles(model)
+        limits = (0.0, 1.0, Sheet.load().range_min, float(materials[:, 1].max()))  # the first two are those of a scan
+        arrays = assembled(model, surfaces, make_vertex_clusters, _pattern()[0], limits)
+        links = make_links(model, tuple(part.body for part in surfaces[1 + len(moving) :]))
+        return cls(core.Scene(*arrays), materials, moving, links)
 
 
 class PointCaster(Uncopied):
     """Casts the points of a MID-360 on the car whose LiDAR a compiled model holds under a prefix.
 
     Raises:
-      ModelError: no LiDAR on the body of a free joint, or as of CloudScene.
+      ModelError: no LiDAR on the body of a free joint, or a visible geom of a kind that cannot be seen.
     """
 
     def __init__(self, model: Any, prefix: str) -> None:
@@ -110,7 +124,7 @@ class PointCaster(Uncopied):
         self.mount = mount_of(mount)
         joint = int(np.flatnonzero(model.jnt_qposadr == mount.qpos_address)[0])
         self._tree = int(model.body_rootid[model.jnt_bodyid[joint]])
-        self._scene = _scene(model)
+        self._scene = _Scene.of(model)
 
     def cast(
         self, before: FloatArray, after: FloatArray, shares: FloatArray, times: FloatArray, first: int,
@@ -130,10 +144,38 @@ class PointCaster(Uncopied):
                 each[:2] = obstacle.position(time)
         out = np.empty((len(shares), LINES * COLUMNS, 4)) if out is None else out
         core.cast_bursts(
-            self._scene.native, _pattern(), self.mount.qpos_address, self.mount.offset_position,
-            self.mount.offset_rotation, self._tree, self._scene.links, before, after, shares, placed, first, out,
+            self._scene.native, _pattern()[1], self._scene.materials, self.mount.qpos_address,
+            self.mount.offset_position, self.mount.offset_rotation, self._tree, self._scene.links, before, after,
+            shares, placed, first, out,
         )  # fmt: skip
         return out
+
+
+def materials_of(model: Any) -> tuple[FloatArray, FloatArray]:
+    """Return the material of each geom (geoms,), and of each material intensity of a return and reach [m] (m, 2).
+
+    The reach is a power of the share of light that it reflects, through those of the data sheet.
+    """
+    sheet = Sheet.load()
+    shares, which = np.unique(np.round(_reflected(model), 3), return_inverse=True)
+    dark, near, bright, far = sheet.ranges.tolist()
+    power = math.log(far / near) / math.log(bright / dark)
+    reach = [far * math.pow(share / bright, power) for share in shares.tolist()]
+    return which.astype(np.float64), np.column_stack((sheet.intensity * shares, reach))
+
+
+def _reflected(model: Any) -> FloatArray:
+    """Return the share of light that each geom reflects (geoms,): the mean of its colours, or of its texture's."""
+    colours = model.geom_rgba[:, :3].astype(np.float64)
+    for geom in np.flatnonzero(model.geom_matid >= 0):
+        material = model.geom_matid[geom]
+        colours[geom] = model.mat_rgba[material, :3]
+        for texture in model.mat_texid[material][model.mat_texid[material] >= 0]:
+            start = model.tex_adr[texture]
+            size = model.tex_height[texture] * model.tex_width[texture] * model.tex_nchannel[texture]
+            colours[geom] *= model.tex_data[start : start + size].mean() / 255.0
+    shares: FloatArray = colours.mean(axis=1)
+    return shares
 
 
 def mount_of(lidar: Mount) -> Mount:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..errors import ModelError
 from ..messages import FloatArray
 from .beams import Beams
-from .clusters import make_clusters
+from .clusters import Clusters, make_clusters
 
 _KINDS = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): 0.0,
@@ -69,7 +69,7 @@ _BOX_TRIANGLES = np.concatenate((_BOX_SIDES[:, [0, 1, 2]], _BOX_SIDES[:, [0, 2, 
 class SceneArrays(NamedTuple):
     """Input of a scan: one LiDAR's beams and the surfaces of one model. Read-only; all worlds of a model share it.
 
-    Frame 0 is the world's, the others are those of ScanlineScene.moving. Clusters, planes and shapes lie frame after
+    Frame 0 is the world's, the others are those of the bodies that move. Clusters, planes and shapes lie frame after
     frame. The tree of a frame is the id of the body at the root of its kinematic tree.
     """
 
@@ -77,11 +77,11 @@ class SceneArrays(NamedTuple):
     limits: FloatArray  # (4,) angle_min [rad], angle_increment [rad], range_min [m], range_max [m]
     edges: FloatArray  # (6, e) [m] as in clusters.Clusters, and so the next three
     triangles: NDArray[np.uint16]  # (t, 3)
-    boxes: FloatArray  # (8, b) [m]; the eighth is the share of the beams that pass through [-]
+    boxes: FloatArray  # (9, b) [m]; the eighth is the share of the beams that pass through [-]; the material
     spans: NDArray[np.int32]  # (b, 5) the fifth is the frame
-    planes: FloatArray  # (p, 14) position, rotation row by row, half-sizes [m]
+    planes: FloatArray  # (p, 15) position, rotation row by row, half-sizes [m]; the material
     frames: NDArray[np.int32]  # (f, 7) first cluster, behind the last; first plane, behind; first shape, behind; tree
-    shapes: FloatArray  # (k, SHAPE)
+    shapes: FloatArray  # (k, SHAPE + 1) the last is the material
     spheres: FloatArray  # (f, 4) centre and radius of a sphere around what moves [m]; a radius without end for planes
 
 
@@ -110,15 +110,10 @@ class ScanlineScene:
     """
 
     def __init__(self, model: Any, beams: Beams, carrier: int | None) -> None:
-        surfaces = surfaces_of(model, carrier)
+        surfaces = surfaces_of(model, carrier, np.zeros(model.ngeom))
         self.moving = tuple(part.body for part in surfaces[1:])
-        clusters, parts = assembled(model, surfaces, make_clusters)
-        self.arrays = SceneArrays(
-            beams=beams.in_plane,
-            limits=fixed([beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max]),
-            edges=fixed(np.concatenate([own.edges for own in clusters], axis=1)),
-            **parts,
-        )
+        limits = (beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max)
+        self.arrays = assembled(model, surfaces, make_clusters, beams.in_plane, limits)
 
     def scratch(self) -> Scratch:
         """Return room for the scans of one thread."""
@@ -146,7 +141,7 @@ def is_scanline(beams: Beams) -> bool:
     )
 
 
-def sphere_around(part: Surfaces) -> FloatArray:
+def _sphere_around(part: Surfaces) -> FloatArray:
     """Return centre and radius of a sphere around the surfaces of a body [m]. Shape (4,)."""
     if part.body == 0 or len(part.planes):
         return np.array((0.0, 0.0, 0.0, NO_END))
@@ -168,52 +163,51 @@ class Surfaces(NamedTuple):
     """Surfaces that keep their places in the frame of one body."""
 
     body: int  # id of the body; 0, the world, for all that never moves
-    meshes: tuple[tuple[tuple[float, ...], FloatArray, NDArray[np.int32]], ...]  # of each porosity and material, and of
-    # what is large: these, vertices (v, 3) [m], and triangles (t, 3), indices of vertices
-    planes: FloatArray  # (p, 14) as of SceneArrays, and the material behind
-    shapes: FloatArray  # (k, SHAPE), and the material behind
+    meshes: tuple[tuple[tuple[float, float], FloatArray, NDArray[np.int32]], ...]  # of each porosity and material,
+    # and of what is large: these, vertices (v, 3) [m], and triangles (t, 3), indices of vertices
+    planes: FloatArray  # (p, 15) as of SceneArrays
+    shapes: FloatArray  # (k, SHAPE + 1)
 
 
-def surfaces_of(model: Any, carrier: int | None, materials: FloatArray | None = None) -> list[Surfaces]:
+def surfaces_of(model: Any, carrier: int | None, materials: FloatArray) -> list[Surfaces]:
     """Return the surfaces that rays meet, by body: the world's first, as it is now, then those that move.
 
-    `materials` (geoms,) are numbers that are told with them; None: no number is.
+    `materials` (geoms,) are numbers that are told with them.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    more = 0 if materials is None else 1
-    none = (0.0,) * (1 + more)
-    found: dict[int, tuple[dict[tuple[tuple[float, ...], int], list[Any]], list[Any], list[Any]]] = {}
-    found[0] = ({(none, -1): []}, [], [])
+    none = (0.0, 0.0), -1
+    found: dict[int, tuple[dict[tuple[tuple[float, float], int], list[Any]], list[Any], list[Any]]] = {}
+    found[0] = ({none: []}, [], [])
     for geom in _visible_geoms(model, carrier):
         body = int(model.body_weldid[model.geom_bodyid[geom]])  # 0 for all that never moves
-        meshes, planes, shapes = found.setdefault(body, ({(none, -1): []}, [], []))
+        meshes, planes, shapes = found.setdefault(body, ({none: []}, [], []))
         to_body, kind = data.xmat[body].reshape(3, 3).T, int(model.geom_type[geom])
         position = to_body @ (data.geom_xpos[geom] - data.xpos[body])
         rotation = to_body @ data.geom_xmat[geom].reshape(3, 3)
-        material = () if materials is None else (float(materials[geom]),)
+        material = float(materials[geom])
         porosity = float(model.geom_user[geom, 0]) if model.nuser_geom else 0.0
         if kind == mujoco.mjtGeom.mjGEOM_PLANE:
             half_sizes = np.where(model.geom_size[geom, :2] > 0.0, model.geom_size[geom, :2], NO_END)
-            planes.append(np.concatenate((position, rotation.ravel(), half_sizes, material)))
+            planes.append(np.concatenate((position, rotation.ravel(), half_sizes, (material,))))
         elif is_shape(kind):
-            row = shape_row(kind, model.geom_size[geom], position, rotation, porosity)
-            shapes.append(np.concatenate((row, material)))
+            shapes.append(np.append(shape_row(kind, model.geom_size[geom], position, rotation, porosity), material))
         else:
             own, corners = _geom_triangles(model, geom)
             alone = geom if len(corners) >= _LARGE else -1
-            meshes.setdefault(((porosity, *material), alone), []).append((position + own @ rotation.T, corners))
+            meshes.setdefault(((porosity, material), alone), []).append((position + own @ rotation.T, corners))
     return [
         Surfaces(body, tuple((key, *_joined(own)) for (key, _), own in sorted(meshes.items())),
-                  np.reshape(planes, (-1, 14 + more)), np.reshape(shapes, (-1, SHAPE + more)))
+                  np.reshape(planes, (-1, 15)), np.reshape(shapes, (-1, SHAPE + 1)))
         for body, (meshes, planes, shapes) in sorted(found.items())
     ]  # fmt: skip
 
 
 def assembled(
-    model: Any, surfaces: Sequence[Surfaces], make: Callable[[FloatArray, NDArray[np.int32]], Any]
-) -> tuple[list[Any], dict[str, Any]]:
-    """Return what `make` makes of each mesh, clusters with `spans`, and the arrays of SceneArrays that follow."""
+    model: Any, surfaces: Sequence[Surfaces], make: Callable[[FloatArray, NDArray[np.int32]], Clusters],
+    beams: FloatArray, limits: Sequence[float],
+) -> SceneArrays:  # fmt: skip
+    """Return the arrays of surfaces, of each mesh of which `make` makes clusters, for beams."""
     clusters, boxes, spans, frames = [], [], [], []
     corner = triangle = cluster = plane = shape = 0  # so many edges, or vertices
     for frame, part in enumerate(surfaces):
@@ -223,19 +217,24 @@ def assembled(
             clusters.append(own)
             boxes.append(np.vstack((own.boxes, np.tile(np.array(key)[:, None], len(own.spans)))))
             spans.append(np.insert(own.spans + np.array((corner, corner, triangle, triangle)), 4, frame, axis=1))
-            corner, triangle = corner + int(own.spans[:, 1].max(initial=0)), triangle + len(own.triangles)
+            corner, triangle = corner + own.edges.shape[1], triangle + len(own.triangles)
             cluster += len(own.spans)
         behind = (cluster, plane + len(part.planes), shape + len(part.shapes))
         tree = int(model.body_rootid[part.body])
         frames.append((first, behind[0], plane, behind[1], shape, behind[2], tree))
         plane, shape = behind[1:]
-    return clusters, {
-        "triangles": fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
-        "boxes": fixed(np.concatenate(boxes, axis=1)), "spans": fixed(np.concatenate(spans), np.int32),
-        "planes": fixed(np.concatenate([part.planes for part in surfaces])), "frames": fixed(frames, np.int32),
-        "shapes": fixed(np.concatenate([part.shapes for part in surfaces])),
-        "spheres": fixed([sphere_around(part) for part in surfaces]),
-    }  # fmt: skip
+    return SceneArrays(
+        beams=beams,
+        limits=fixed(limits),
+        edges=fixed(np.concatenate([own.edges for own in clusters], axis=1)),
+        triangles=fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
+        boxes=fixed(np.concatenate(boxes, axis=1)),
+        spans=fixed(np.concatenate(spans), np.int32),
+        planes=fixed(np.concatenate([part.planes for part in surfaces])),
+        frames=fixed(frames, np.int32),
+        shapes=fixed(np.concatenate([part.shapes for part in surfaces])),
+        spheres=fixed([_sphere_around(part) for part in surfaces]),
+    )
 
 
 def _joined(meshes: list[tuple[FloatArray, NDArray[np.int32]]]) -> tuple[FloatArray, NDArray[np.int32]]:

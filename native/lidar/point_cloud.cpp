@@ -40,17 +40,17 @@ struct Arc {
     bool turns;                 // whether the elevation does not go one way
     alignas(32) double inverse[COLUMN_ROOM], material[COLUMN_ROOM];
 
-    // Of a pattern's elevations from a step on.
-    void begin(const Pattern& pattern, int line, std::int64_t step) {
-        cosine = pattern.columns[line].data, sine = pattern.columns[LINES + line].data;
-        const double *tangents = pattern.elevations[0].data, *secants = pattern.elevations[1].data;
-        const std::int64_t last = step + COLUMNS - 1, half = pattern.cycle / 2;
+    // Of the elevations from a step on.
+    void begin(Matrix bearings, Matrix elevations, int line, std::int64_t step) {
+        cosine = &bearings[0][line * COLUMN_ROOM], sine = &bearings[1][line * COLUMN_ROOM];
+        const double *tangents = elevations[0].data, *secants = elevations[1].data;
+        const std::int64_t last = step + COLUMNS - 1, cycle = elevations.columns - COLUMN_ROOM, half = cycle / 2;
         tangent = tangents + step, secant = secants + step;
         low = min(tangents[step], tangents[last]), high = max(tangents[step], tangents[last]);
         longest = max(secants[step], secants[last]);
-        turns = (step <= half && half <= last) || last >= pattern.cycle;
+        turns = (step <= half && half <= last) || last >= cycle;
         if (turns) {
-            const std::int64_t end = last >= pattern.cycle ? 0 : half;
+            const std::int64_t end = last >= cycle ? 0 : half;
             low = min(low, min(tangents[end], tangents[end + 1])), high = max(high, max(tangents[end], tangents[end + 1]));
             longest = max(longest, max(secants[end], secants[end + 1]));
         }
@@ -102,7 +102,7 @@ struct Slopes {
 };
 
 struct Drawing {
-    const CloudScene& scene;
+    const Scene& scene;
     Arc* arcs;
     Row<double> x, y, z, slope, column;  // of the vertices of a cluster; slopes are tangents of elevations
     Row<std::int32_t> in_view;          // triangles
@@ -240,7 +240,7 @@ FG_VERSIONS void Drawing::draw_cluster(int cluster, const View& view, const Pose
     const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
     const Row<const std::int32_t> span = scene.spans[cluster];
     const double porosity = max(scene.boxes[7][cluster], 0.0), material = scene.boxes[8][cluster];
-    const double *vx = &scene.vertices[0][span[0]], *vy = &scene.vertices[1][span[0]], *vz = &scene.vertices[2][span[0]];
+    const double *vx = &scene.edges[0][span[0]], *vy = &scene.edges[1][span[0]], *vz = &scene.edges[2][span[0]];
     double *px = x.data, *py = y.data, *pz = z.data, *pt = slope.data, *pc = column.data;
     std::int32_t* sides = outside.data;
     const int count = span[1] - span[0];
@@ -338,32 +338,8 @@ FG_VERSIONS void Drawing::draw_cluster(int cluster, const View& view, const Pose
     }
 }
 
-// Write where a body's frame has the burst: `turn` (3, 3) is into the world, as the body's.
-void look_at(const double* place, const double (&turn)[3][3], Numbers body_position, Matrix body_rotation,
-             Row<double> pose) {
-    for (int i = 0; i < 3; ++i) {
-        pose[i] = 0.0;
-        for (int k = 0; k < 3; ++k) pose[i] += body_rotation[k][i] * (place[k] - body_position[k]);
-        for (int j = 0; j < 3; ++j) {
-            pose[3 + 3 * i + j] = 0.0;
-            for (int k = 0; k < 3; ++k) pose[3 + 3 * i + j] += turn[k][i] * body_rotation[k][j];
-        }
-    }
-}
-
-bool is_span(std::int64_t first, std::int64_t behind, std::int64_t length) {
-    return 0 <= first && first <= behind && behind <= length;
-}
-
-// Whether the last column of a table, or the row, are numbers of materials.
-bool are_materials(const CloudScene& scene, Numbers numbers) {
-    for (std::int64_t i = 0; i < numbers.length; ++i)
-        if (!(0.0 <= numbers[i] && numbers[i] < static_cast<double>(scene.materials.rows))) return false;
-    return true;
-}
-
 // Write the points of a line, LINES rows apart; the burst looks to a bearing of this cosine and sine.
-FG_VERSIONS void write_points(const CloudScene& scene, double blind, const Arc& arc, double ahead, double aside,
+FG_VERSIONS void write_points(Matrix materials, double blind, const Arc& arc, double ahead, double aside,
                               double* points) {
     double x[COLUMN_ROOM], y[COLUMN_ROOM], z[COLUMN_ROOM], distance[COLUMN_ROOM];
     for (int i = 0; i < COLUMN_ROOM; ++i) {
@@ -372,7 +348,7 @@ FG_VERSIONS void write_points(const CloudScene& scene, double blind, const Arc& 
         distance[i] = away * arc.secant[i];
     }
     for (int i = 0; i < COLUMNS; ++i, points += 4 * LINES) {
-        const Numbers material = scene.materials[static_cast<int>(arc.material[i])];
+        const Numbers material = materials[static_cast<int>(arc.material[i])];
         const bool returns = distance[i] < material[1] && distance[i] >= blind;
         points[0] = returns ? x[i] : 0.0, points[1] = returns ? y[i] : 0.0;
         points[2] = returns ? z[i] : 0.0, points[3] = returns ? material[0] : 0.0;
@@ -386,7 +362,7 @@ struct Candidate {
 };
 
 // Add a cluster whose columns and tangents an arc meets.
-FG_VERSIONS void add_candidate(const CloudScene& scene, const Pose& pose, const Arc (&arcs)[LINES], Candidate own,
+FG_VERSIONS void add_candidate(const Scene& scene, const Pose& pose, const Arc (&arcs)[LINES], Candidate own,
                                std::vector<Candidate>& found) {
     const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
     const double cx = scene.boxes[0][own.cluster] - ox, cy = scene.boxes[1][own.cluster] - oy;
@@ -400,7 +376,7 @@ FG_VERSIONS void add_candidate(const CloudScene& scene, const Pose& pose, const 
 }
 
 // Write how near each of some clusters comes [m], and between which tangents it is; what is outside is at FAR.
-FG_VERSIONS void survey_clusters(const CloudScene& scene, const Pose& pose, int first, int behind, Table<double> views) {
+FG_VERSIONS void survey_clusters(const Scene& scene, const Pose& pose, int first, int behind, Table<double> views) {
     const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
     const Matrix& boxes = scene.boxes;
     const double *px = boxes[0].data, *py = boxes[1].data, *pz = boxes[2].data, *hx = boxes[3].data;
@@ -427,44 +403,16 @@ FG_VERSIONS void survey_clusters(const CloudScene& scene, const Pose& pose, int 
 
 }  // namespace
 
-void CloudScene::check_layout() const {
-    require(vertices.rows == 3 && triangles.columns == 3 && boxes.rows == 9 && spans.columns == 5 &&
-                boxes.columns == spans.rows && planes.columns == 15 && frames.rows > 0 && frames.columns == 7 &&
-                shapes.columns == 19 && spheres.rows == frames.rows && spheres.columns == 4 && materials.rows > 0 &&
-                materials.columns == 2,
-            "the arrays of a cloud's scene are not those of cloud_scene.py");
-    bool fit = are_materials(*this, boxes[8]);
-    for (std::int64_t i = 0; i < planes.rows; ++i) fit &= are_materials(*this, planes[i].part(14, 15));
-    for (std::int64_t i = 0; i < shapes.rows; ++i) fit &= are_materials(*this, shapes[i].part(18, 19));
-    for (std::int64_t i = 0; i < frames.rows; ++i)
-        fit &= is_span(frames[i][0], frames[i][1], spans.rows) && is_span(frames[i][2], frames[i][3], planes.rows) &&
-               is_span(frames[i][4], frames[i][5], shapes.rows);
-    for (std::int64_t i = 0; i < spans.rows && fit; ++i) {
-        fit &= is_span(spans[i][0], spans[i][1], vertices.columns) && spans[i][0] < spans[i][1] &&
-               is_span(spans[i][2], spans[i][3], triangles.rows);
-        for (std::int64_t k = spans[i][2]; k < spans[i][3] && fit; ++k)
-            for (int side = 0; side < 3; ++side) fit &= triangles[k][side] < spans[i][1] - spans[i][0];
-    }
-    require(fit, "a cloud's scene has clusters, planes, shapes, vertices or materials that are not there");
-}
-
-void Pattern::check_layout() const {
-    require(columns.rows == 2 * LINES && columns.columns == COLUMN_ROOM && cycle > 0 && elevations.rows == 2 &&
-                elevations.columns == cycle + COLUMN_ROOM,
-            "columns and elevations of a pattern are not (8, 128) and (2, cycle + 128)");
-}
-
-void cast_bursts(const CloudScene& scene, const Pattern& pattern, const CloudMount& mount, Row<const Link> links,
-                 Numbers before, Numbers after, Numbers shares, Cube<const double> placed, std::int64_t first,
-                 Cube<double> out) {
+void cast_bursts(const Scene& scene, Matrix elevations, Matrix materials, const CloudMount& mount,
+                 Row<const Link> links, Numbers before, Numbers after, Numbers shares, Cube<const double> placed,
+                 std::int64_t first, Cube<double> out) {
+    const std::int64_t cycle = elevations.columns - COLUMN_ROOM;
     const int moving = scene.frames.rows - 1, fixed = placed.rows;
     std::int64_t longest = 0, most = 1;  // of vertices and triangles of a cluster
     for (std::int64_t i = 0; i < scene.spans.rows; ++i) {
         const Row<const std::int32_t> span = scene.spans[i];
         longest = max(longest, std::int64_t{span[1] - span[0]}), most = max(most, std::int64_t{span[3] - span[2]} + 1);
     }
-    double furthest = 0.0;
-    for (std::int64_t i = 0; i < scene.materials.rows; ++i) furthest = max(furthest, scene.materials[i][1]);
     OwnRow<double> qpos(after.length);
     OwnTable<double> room(5, longest), poses(scene.frames.rows, 12), link_poses(links.length, 7), positions(moving + 1, 3);
     std::vector<double> rotations((moving + 1) * 9);
@@ -479,7 +427,7 @@ void cast_bursts(const CloudScene& scene, const Pattern& pattern, const CloudMou
     for (std::int64_t burst = 0; burst < shares.length; ++burst) {
         for (std::int64_t i = 0; i < after.length; ++i) qpos[i] = before[i] + shares[burst] * (after[i] - before[i]);
         // The pose of the LiDAR, turned to the middle of the sector, and those of all bodies that move.
-        double place[3], turned[9], turn[3][3];
+        double place[3], turned[9], turn[9];
         const Row<const double> joint = Row<const double>(qpos).part(mount.qpos, mount.qpos + 7);
         mounted_pose(joint.part(0, 3), joint.part(3, 7), false, mount.offset_position, mount.offset_rotation,
                      {place, 3}, {turned, 3, 3});
@@ -487,23 +435,22 @@ void cast_bursts(const CloudScene& scene, const Pattern& pattern, const CloudMou
         const double angle = 2.0 * pi * (static_cast<double>(sector) + 0.5) / SECTORS;
         const double ahead = fg::cos(angle), aside = fg::sin(angle);
         for (int i = 0; i < 3; ++i) {
-            turn[i][0] = ahead * turned[3 * i] + aside * turned[3 * i + 1];
-            turn[i][1] = ahead * turned[3 * i + 1] - aside * turned[3 * i];
-            turn[i][2] = turned[3 * i + 2];
+            turn[3 * i] = ahead * turned[3 * i] + aside * turned[3 * i + 1];
+            turn[3 * i + 1] = ahead * turned[3 * i + 1] - aside * turned[3 * i];
+            turn[3 * i + 2] = turned[3 * i + 2];
         }
         for (int k = 0; k < 3; ++k) positions[0][k] = 0.0;
         for (int body = 0; body < fixed; ++body)
             for (int k = 0; k < 3; ++k) positions[1 + body][k] = placed[burst][body][k];
         place_links(qpos, links, link_poses, {&positions[0][0] + 3 * (1 + fixed), moving - fixed, 3},
                     {rotations.data() + 9 * (1 + fixed), moving - fixed, 3, 3});
-        for (int line = 0; line < LINES; ++line) {
-            arcs[line].begin(pattern, line, (number * COLUMNS + line * pattern.cycle / LINES) % pattern.cycle);
-        }
+        for (int line = 0; line < LINES; ++line)
+            arcs[line].begin(scene.beams, elevations, line, (number * COLUMNS + line * cycle / LINES) % cycle);
         found.clear();
         for (int frame = 0; frame <= moving; ++frame) {
             const Row<const std::int32_t> parts = scene.frames[frame];
             if (frame > 0 && parts[6] == mount.tree) continue;
-            look_at(place, turn, positions[frame], rotation_of(frame), poses[frame]);
+            look_from_moving({place, 3}, {turn, 3, 3}, positions[frame], rotation_of(frame), poses[frame]);
             const Pose pose(poses[frame]);
             const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
             const Numbers sphere = scene.spheres[frame];
@@ -515,7 +462,7 @@ void cast_bursts(const CloudScene& scene, const Pattern& pattern, const CloudMou
             for (int i = parts[4]; i < parts[5]; ++i) drawing.draw_shape(scene.shapes[i], pose);
             survey_clusters(scene, pose, parts[0], parts[1], views);
             for (int i = parts[0]; i < parts[1]; ++i) {
-                if (views[0][i] >= furthest) continue;
+                if (views[0][i] >= scene.range_max()) continue;
                 bool met = false;
                 for (const Arc& arc : arcs) met |= views[1][i] <= arc.high && views[2][i] >= arc.low;
                 if (met) add_candidate(scene, pose, arcs, {i, frame, views[0][i], {views[1][i], views[2][i]}}, found);
@@ -527,7 +474,7 @@ void cast_bursts(const CloudScene& scene, const Pattern& pattern, const CloudMou
         for (const Candidate& each : found)
             if (!drawing.is_hidden(each.view, each.nearest)) drawing.draw_cluster(each.cluster, each.view, Pose(poses[each.frame]));
         for (int line = 0; line < LINES; ++line)
-            write_points(scene, pattern.blind, arcs[line], ahead, aside, &out[burst][line][0]);
+            write_points(materials, scene.range_min(), arcs[line], ahead, aside, &out[burst][line][0]);
     }
 }
 

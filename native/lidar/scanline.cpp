@@ -42,19 +42,6 @@ void look_from(Numbers position, Matrix rotation, Row<double> pose) {
     }
 }
 
-// Write where a body's frame has the LiDAR, as `look_from`.
-void look_from_moving(Numbers position, Matrix rotation, Numbers body_position, Matrix body_rotation,
-                      Row<double> pose) {
-    for (int i = 0; i < 3; ++i) {
-        pose[i] = 0.0;
-        for (int k = 0; k < 3; ++k) pose[i] += body_rotation[k][i] * (position[k] - body_position[k]);
-        for (int j = 0; j < 3; ++j) {
-            pose[3 + 3 * i + j] = 0.0;
-            for (int k = 0; k < 3; ++k) pose[3 + 3 * i + j] += rotation[k][i] * body_rotation[k][j];
-        }
-    }
-}
-
 // Draw a surface, 1 / distance of which is along_x * cosine + along_y * sine of the bearing, into some beams.
 FG_VERSIONS void draw(const Matrix& beams, double along_x, double along_y, int first, int behind, Row<double> out) {
     const Numbers cosine = beams[0], sine = beams[1];

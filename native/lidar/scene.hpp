@@ -1,4 +1,4 @@
-// The input of a scan and its working arrays; fg_mujoco/lidar/visible_surfaces.py says what is in each array.
+// The input of a scan, or of points, and the working arrays of a scan; fg_mujoco/lidar/visible_surfaces.py says what is in each array.
 #pragma once
 #include "../core/array_table.hpp"
 #include "../core/arrays.hpp"
@@ -31,6 +31,8 @@ struct Scene {
     void check_beams() const;
     // Throw std::invalid_argument unless all shapes fit together and all indices point into the arrays.
     void check_layout() const;
+    // Throw std::invalid_argument unless the material of each surface is one of so many.
+    void check_materials(std::int64_t count) const;
 };
 
 struct Scratch {
@@ -66,5 +68,18 @@ struct Pose {
         : ox(p[0]), oy(p[1]), oz(p[2]), xx(p[3]), xy(p[4]), xz(p[5]), yx(p[6]), yy(p[7]), yz(p[8]), zx(p[9]),
           zy(p[10]), zz(p[11]) {}
 };
+
+// Write where a body's frame has the LiDAR, as in Pose.
+inline void look_from_moving(Numbers position, Matrix rotation, Numbers body_position, Matrix body_rotation,
+                             Row<double> pose) {
+    for (int i = 0; i < 3; ++i) {
+        pose[i] = 0.0;
+        for (int k = 0; k < 3; ++k) pose[i] += body_rotation[k][i] * (position[k] - body_position[k]);
+        for (int j = 0; j < 3; ++j) {
+            pose[3 + 3 * i + j] = 0.0;
+            for (int k = 0; k < 3; ++k) pose[3 + 3 * i + j] += rotation[k][i] * body_rotation[k][j];
+        }
+    }
+}
 
 }  // namespace fg

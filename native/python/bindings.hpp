@@ -13,7 +13,6 @@ void bind_envs(nanobind::module_& module);
 void bind_gym2d(nanobind::module_& module);
 void bind_lidar(nanobind::module_& module);
 void bind_perception(nanobind::module_& module);
-void bind_point_cloud(nanobind::module_& module);
 void bind_predictions(nanobind::module_& module);
 void bind_racing_drivers(nanobind::module_& module);
 void bind_realcar(nanobind::module_& module);

@@ -5,9 +5,11 @@
 
 #include "../lidar/body_poses.hpp"
 #include "../lidar/links.hpp"
+#include "../lidar/point_cloud.hpp"
 #include "../lidar/scan_effects.hpp"
 #include "../lidar/scanline.hpp"
 #include "casters.hpp"
+#include "record_casters.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -62,6 +64,28 @@ void scan_poses(const CheckedScene& scene, const Scratch& scratch, Matrix positi
     const std::int64_t moving = positions.rows - 1;
     checked_scan(scene, scratch, positions[0], rotations[0], {positions.data + 3, moving, 3},
                  {rotations.data + 9, moving, 3, 3}, out, -1, {optics[0], optics[1]});
+}
+
+void checked_bursts(const CheckedScene& scene, Matrix elevations, Matrix materials, std::int64_t joint,
+                    Numbers offset_position, Matrix offset_rotation, std::int64_t tree, Row<const Link> links,
+                    Numbers before, Numbers after, Numbers shares, Cube<const double> placed, std::int64_t first,
+                    Cube<double> out) {
+    const std::int64_t bursts = shares.length, moving = scene.frames.rows - 1;
+    require(scene.edges.rows == 3 && scene.beams.columns == LINES * COLUMN_ROOM && elevations.rows == 2 &&
+                elevations.columns > COLUMN_ROOM && materials.columns == 2,
+            "the arrays of points are not (3, v), (2, 512), (2, cycle + 128) and (m, 2)");
+    scene.check_materials(materials.rows);
+    require(offset_position.length == 3 && is_three_by_three(offset_rotation) && 0 <= joint &&
+                joint + 7 <= after.length && before.length == after.length,
+            "the LiDAR is not mounted on a free joint of this state");
+    require(first >= 0 && out.length == bursts && out.rows == LINES * COLUMNS && out.columns == 4 &&
+                placed.length == bursts && placed.rows <= moving && placed.columns == 3,
+            "the arrays of the bursts are not (n,), (n, k, 3) and (n, 500, 4)");
+    for (int i = 0; i < links.size(); ++i)
+        require(links[i].frame < moving - placed.rows && links[i].parent < i && links[i].qpos < after.length,
+                "a link is of a body or a state that is not there");
+    cast_bursts(scene, elevations, materials, {joint, tree, offset_position, offset_rotation}, links, before, after,
+                shares, placed, first, out);
 }
 
 void check_poses(const Poses& poses) {
@@ -170,6 +194,9 @@ void bind_scan(nb::module_& module) {
                "scene"_a, "scratch"_a, "poses"_a, "qpos"_a, "mocap_pos"_a, "mocap_quat"_a, "xpos"_a, "xmat"_a,
                "optics"_a, "out"_a,
                WithoutGil());
+    module.def("cast_bursts", &checked_bursts, "scene"_a, "elevations"_a, "materials"_a, "joint"_a,
+               "offset_position"_a, "offset_rotation"_a, "tree"_a, "links"_a, "before"_a, "after"_a, "shares"_a,
+               "placed"_a, "first"_a, "out"_a, WithoutGil());
 }
 
 void bind_poses(nb::module_& module) {

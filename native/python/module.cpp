@@ -11,7 +11,6 @@ NB_MODULE(_native, module) {
     fg::bind_calls(module);
     fg::bind_course(module);
     fg::bind_lidar(module);
-    fg::bind_point_cloud(module);
     fg::bind_perception(module);
     fg::bind_predictions(module);
     fg::bind_controllers(module);

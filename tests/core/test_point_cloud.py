@@ -13,7 +13,6 @@ from fg_mujoco.envs.gym_environment import F1TenthEnv
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar import point_cloud as cloud
-from fg_mujoco.lidar.cloud_scene import CloudScene
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.vehicle.sensors.livox import Mid360
@@ -91,12 +90,10 @@ def test_coverage_grows_and_no_direction_comes_again():
 
 
 def test_dark_surfaces_are_seen_less_far():
-    sheet = cloud.Sheet.load()
     spec = mujoco.MjSpec()
     for colour in (0.1, 0.8):
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=(1, 1, 1), rgba=(*[colour] * 3, 1.0))
-    scene = CloudScene(spec.compile(), sheet.ranges, sheet.intensity)
-    assert scene.materials.tolist() == [[15.0, pytest.approx(40.0)], [120.0, pytest.approx(70.0)]]
+    assert cloud.materials_of(spec.compile())[1].tolist() == [[15.0, pytest.approx(40.0)], [120.0, pytest.approx(70.0)]]
 
 
 def test_a_share_of_points_passes_porous_walls():
