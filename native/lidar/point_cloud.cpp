@@ -73,12 +73,8 @@ struct Part {
 struct View {
     double right, left, least, most;
 
-    View(double least, double most) : least(least), most(most) {}
-
-    View(double x, double y, double low, double high, double radius) {
-        const double away = std::sqrt(x * x + y * y), ratio = radius / (away + TINY);
-        const double near = max(away - radius, TINY), far = away + radius;
-        least = low < 0.0 ? low / near : low / far, most = high > 0.0 ? high / near : high / far;
+    View(double x, double y, double radius, double least, double most) : least(least), most(most) {
+        const double ratio = radius / (std::sqrt(x * x + y * y) + TINY);
         const double spread = (ratio + 0.5708 * ratio * ratio * ratio) / STEP;
         const double middle = bearing(x, y) / STEP + 0.5 * COLUMNS;
         const bool around = !(ratio < 1.0) || std::abs(y) < -x * 1e-3;
@@ -99,6 +95,13 @@ struct Slopes {
         least = arc.turns ? arc.low : min(a, b), most = arc.turns ? arc.high : max(a, b);
     }
     bool meet(double low, double high) const { return low <= most && high >= least; }
+};
+
+// A cluster that may be met, and how near it comes [m].
+struct Candidate {
+    int cluster, frame;
+    double nearest;
+    View view;
 };
 
 struct Drawing {
@@ -217,7 +220,9 @@ FG_VERSIONS void Drawing::draw_shape(Numbers shape, const Pose& pose) const {
     const double cx = shape[4] - ox, cy = shape[5] - oy, cz = shape[6] - oz, radius = shape[16] + 1e-9;
     const double x = xx * cx + xy * cy + xz * cz, y = yx * cx + yy * cy + yz * cz, z = zx * cx + zy * cy + zz * cz;
     if (is_outside(x, y, radius)) return;
-    const View view(x, y, z - radius, z + radius, radius);
+    const double away = std::sqrt(x * x + y * y), near = max(away - radius, TINY), far = away + radius;
+    const double low = z - radius, high = z + radius;
+    const View view(x, y, radius, low / (low < 0.0 ? near : far), high / (high > 0.0 ? near : far));
     const Vector p = into_shape(shape, -cx, -cy, -cz);
     const Vector a = into_shape(shape, xx, xy, xz), b = into_shape(shape, yx, yy, yz), u = into_shape(shape, zx, zy, zz);
     for (int line = 0; line < LINES; ++line) {
@@ -355,33 +360,14 @@ FG_VERSIONS void write_points(Matrix materials, double blind, const Arc& arc, do
     }
 }
 
-struct Candidate {
-    int cluster, frame;
-    double nearest;
-    View view;
-};
-
-// Add a cluster whose columns and tangents an arc meets.
-FG_VERSIONS void add_candidate(const Scene& scene, const Pose& pose, const Arc (&arcs)[LINES], Candidate own,
-                               std::vector<Candidate>& found) {
-    const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
-    const double cx = scene.boxes[0][own.cluster] - ox, cy = scene.boxes[1][own.cluster] - oy;
-    const double cz = scene.boxes[2][own.cluster] - oz;
-    const View view(xx * cx + xy * cy + xz * cz, yx * cx + yy * cy + yz * cz, 0.0, 0.0, scene.boxes[6][own.cluster]);
-    own.view.right = view.right, own.view.left = view.left;
-    bool met = false;
-    for (int line = 0; line < LINES; ++line)
-        met |= Slopes(arcs[line], Part(view.right, view.left, line)).meet(own.view.least, own.view.most);
-    if (met) found.push_back(own);
-}
-
-// Write how near each of some clusters comes [m], and between which tangents it is; what is outside is at FAR.
+// Write how near each of some clusters comes [m], between which tangents, and where; what is outside is at FAR.
 FG_VERSIONS void survey_clusters(const Scene& scene, const Pose& pose, int first, int behind, Table<double> views) {
     const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
     const Matrix& boxes = scene.boxes;
     const double *px = boxes[0].data, *py = boxes[1].data, *pz = boxes[2].data, *hx = boxes[3].data;
     const double *hy = boxes[4].data, *hz = boxes[5].data, *radii = boxes[6].data;
     double *nears = views[0].data, *lows = views[1].data, *highs = views[2].data;
+    double *ahead = views[3].data, *aside = views[4].data;
     FG_INDEPENDENT
     for (int i = first; i < behind; ++i) {
         const double cx = px[i] - ox, cy = py[i] - oy, cz = pz[i] - oz, radius = radii[i];
@@ -396,6 +382,7 @@ FG_VERSIONS void survey_clusters(const Scene& scene, const Pose& pose, int first
         near = near > away - radius ? near : away - radius;
         near = near > 1e-9 ? near - 1e-9 : TINY;
         nears[i] = std::abs(y) * AHEAD - x * WIDE > 1.01 * radius ? FAR : nearest;
+        ahead[i] = x, aside[i] = y;
         lows[i] = low / (low < 0.0 ? near : away + radius);
         highs[i] = high / (high > 0.0 ? near : away + radius);
     }
@@ -419,7 +406,7 @@ void cast_bursts(const Scene& scene, Matrix elevations, Matrix materials, const 
     for (int body = 0; body <= moving; ++body)
         for (int k = 0; k < 3; ++k) rotations[body * 9 + 4 * k] = 1.0;
     const auto rotation_of = [&](int body) { return Table<double>{rotations.data() + 9 * body, 3, 3}; };
-    OwnTable<double> views(3, scene.spans.rows);
+    OwnTable<double> views(5, scene.spans.rows);
     OwnRow<std::int32_t> in_view(most), outside(longest);
     std::vector<Candidate> found;
     Arc arcs[LINES];
@@ -465,14 +452,17 @@ void cast_bursts(const Scene& scene, Matrix elevations, Matrix materials, const 
                 if (views[0][i] >= scene.range_max()) continue;
                 bool met = false;
                 for (const Arc& arc : arcs) met |= views[1][i] <= arc.high && views[2][i] >= arc.low;
-                if (met) add_candidate(scene, pose, arcs, {i, frame, views[0][i], {views[1][i], views[2][i]}}, found);
+                if (met)
+                    found.push_back({i, frame, views[0][i],
+                                          {views[3][i], views[4][i], scene.boxes[6][i], views[1][i], views[2][i]}});
             }
         }
         std::sort(found.begin(), found.end(), [](const Candidate& a, const Candidate& b) {
             return a.nearest < b.nearest || (a.nearest == b.nearest && a.cluster < b.cluster);
         });
         for (const Candidate& each : found)
-            if (!drawing.is_hidden(each.view, each.nearest)) drawing.draw_cluster(each.cluster, each.view, Pose(poses[each.frame]));
+            if (!drawing.is_hidden(each.view, each.nearest))
+                drawing.draw_cluster(each.cluster, each.view, Pose(poses[each.frame]));
         for (int line = 0; line < LINES; ++line)
             write_points(materials, scene.range_min(), arcs[line], ahead, aside, &out[burst][line][0]);
     }
