@@ -104,6 +104,15 @@ struct Candidate {
     View view;
 };
 
+// What of a triangle is in the sector of a burst: columns and tangents; nothing where `least` is above `most`.
+struct Extent {
+    double right = COLUMNS, left = 0.0, least = inf, most = -inf;
+
+    void add(double slope, double column) {
+        right = min(right, column), left = max(left, column), least = min(least, slope), most = max(most, slope);
+    }
+};
+
 struct Drawing {
     const Scene& scene;
     Arc* arcs;
@@ -115,6 +124,7 @@ struct Drawing {
     void draw_shape(Numbers shape, const Pose& pose) const;
     void draw_cluster(int cluster, const View& view, const Pose& pose) const;
     bool is_hidden(const View& view, double nearest) const;
+    Extent clip(const std::uint16_t* corners) const;
 };
 
 // Whether all points that may meet a cluster have met something nearer than `nearest` [m].
@@ -131,42 +141,29 @@ FG_VERSIONS bool Drawing::is_hidden(const View& view, double nearest) const {
     return true;
 }
 
-// A vertex in the frame of a burst, with the tangent of its elevation and its column.
-struct Corner {
-    double x, y, z, slope, column;
-    int outside;
-
-    double beyond(double side) const { return side * AHEAD * y - WIDE * x; }
-};
-
-// What of a triangle is in the sector of a burst: columns and tangents; nothing where `least` is above `most`.
-struct Extent {
-    double right = COLUMNS, left = 0.0, least = inf, most = -inf;
-
-    void add(double slope, double column) {
-        right = min(right, column), left = max(left, column), least = min(least, slope), most = max(most, slope);
-    }
-};
-
-Extent clip(const Corner (&corners)[3]) {
+Extent Drawing::clip(const std::uint16_t* corners) const {
     Extent found;
-    double turns[3];
+    bool to_left = false, to_right = false;
+    double low = inf, high = -inf;
     for (int i = 0; i < 3; ++i) {
-        const Corner &p = corners[i], &q = corners[i == 2 ? 0 : i + 1];
-        turns[i] = p.x * q.y - p.y * q.x;
-        if (!(p.outside & SIDES)) found.add(p.slope, p.column);
+        const int p = corners[i], q = corners[i == 2 ? 0 : i + 1];
+        const double turn = x[p] * y[q] - y[p] * x[q];
+        to_left |= turn > 0.0, to_right |= turn < 0.0;
+        low = min(low, z[p]), high = max(high, z[p]);
+        if (!(outside[p] & SIDES)) found.add(slope[p], column[p]);
         for (const int side : {LEFT, RIGHT}) {
-            if (!((p.outside ^ q.outside) & side)) continue;
-            const double beyond = p.beyond(side == LEFT ? 1.0 : -1.0), other = q.beyond(side == LEFT ? 1.0 : -1.0);
-            const double share = beyond / (beyond - other);
-            const double x = p.x + share * (q.x - p.x), y = p.y + share * (q.y - p.y), z = p.z + share * (q.z - p.z);
-            if (x >= 0.0) found.add(z / (std::sqrt(x * x + y * y) + TINY), side == LEFT ? COLUMNS : 0.0);
+            if (!((outside[p] ^ outside[q]) & side)) continue;
+            const double sign = side == LEFT ? AHEAD : -AHEAD;
+            const double beyond = sign * y[p] - WIDE * x[p], share = beyond / (beyond - (sign * y[q] - WIDE * x[q]));
+            const double cx = x[p] + share * (x[q] - x[p]), cy = y[p] + share * (y[q] - y[p]);
+            const double cz = z[p] + share * (z[q] - z[p]);
+            if (cx >= 0.0) found.add(cz / (std::sqrt(cx * cx + cy * cy) + TINY), side == LEFT ? COLUMNS : 0.0);
         }
     }
-    if (min(min(turns[0], turns[1]), turns[2]) >= 0.0 || max(max(turns[0], turns[1]), turns[2]) <= 0.0) {
-        found.right = 0.0, found.left = COLUMNS;  // it is above or below the LiDAR
-        if (min(min(corners[0].z, corners[1].z), corners[2].z) < 0.0) found.least = -inf;
-        if (max(max(corners[0].z, corners[1].z), corners[2].z) > 0.0) found.most = inf;
+    if (!(to_left && to_right)) {  // it is above or below the LiDAR
+        found.right = 0.0, found.left = COLUMNS;
+        if (low < 0.0) found.least = -inf;
+        if (high > 0.0) found.most = inf;
     }
     return found;
 }
@@ -289,8 +286,7 @@ FG_VERSIONS void Drawing::draw_cluster(int cluster, const View& view, const Pose
         double right = min(min(pc[i], pc[j]), pc[k]), left = max(max(pc[i], pc[j]), pc[k]);
         double least = min(min(pt[i], pt[j]), pt[k]), most = max(max(pt[i], pt[j]), pt[k]);
         if ((sides[i] | sides[j] | sides[k]) & SIDES) {
-            const auto corner_of = [&](int v) { return Corner{px[v], py[v], pz[v], pt[v], pc[v], sides[v]}; };
-            const Extent part = clip({corner_of(i), corner_of(j), corner_of(k)});
+            const Extent part = clip(corner);
             if (part.least > part.most) continue;
             right = part.right, left = part.left, least = part.least, most = part.most;
         }
