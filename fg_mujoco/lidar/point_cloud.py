@@ -192,9 +192,8 @@ def point_cloud(values: FloatArray, end: float) -> NDArray[np.void]:
       end: of the frame [ns]; the time of a point is that of its burst.
     """
     points = np.zeros(POINTS, POINT)
-    for name, column in zip("xyz", np.reshape(values, (POINTS, 4)).T[:3], strict=True):
+    for name, column in zip(("x", "y", "z", "intensity"), np.reshape(values, (POINTS, 4)).T, strict=True):
         points[name] = column
-    points["intensity"] = np.reshape(values, (POINTS, 4))[:, 3]
     points["line"] = np.arange(POINTS) % LINES
     burst = np.arange(POINTS) // (LINES * COLUMNS)
     points["timestamp"] = end + 1e9 * FRAME * ((burst + 0.5) / BURSTS - 1.0)

@@ -397,11 +397,11 @@ void cast_bursts(const Scene& scene, Matrix elevations, Matrix materials, const 
         longest = max(longest, std::int64_t{span[1] - span[0]}), most = max(most, std::int64_t{span[3] - span[2]} + 1);
     }
     OwnRow<double> qpos(after.length);
-    OwnTable<double> room(5, longest), poses(scene.frames.rows, 12), link_poses(links.length, 7), positions(moving + 1, 3);
-    std::vector<double> rotations((moving + 1) * 9);
-    for (int body = 0; body <= moving; ++body)
-        for (int k = 0; k < 3; ++k) rotations[body * 9 + 4 * k] = 1.0;
-    const auto rotation_of = [&](int body) { return Table<double>{rotations.data() + 9 * body, 3, 3}; };
+    OwnTable<double> room(5, longest), poses(scene.frames.rows, 12), link_poses(links.length, 7);
+    OwnTable<double> positions(moving + 1, 3), rotations(moving + 1, 9);  // of the world, and of all bodies that move
+    for (int body = 0; body <= fixed; ++body)
+        for (int k = 0; k < 3; ++k) rotations[body][4 * k] = 1.0;
+    double *linked_positions = &positions[0][0] + 3 * (1 + fixed), *linked_rotations = &rotations[0][0] + 9 * (1 + fixed);
     OwnTable<double> views(5, scene.spans.rows);
     OwnRow<std::int32_t> in_view(most), outside(longest);
     std::vector<Candidate> found;
@@ -422,18 +422,17 @@ void cast_bursts(const Scene& scene, Matrix elevations, Matrix materials, const 
             turn[3 * i + 1] = ahead * turned[3 * i + 1] - aside * turned[3 * i];
             turn[3 * i + 2] = turned[3 * i + 2];
         }
-        for (int k = 0; k < 3; ++k) positions[0][k] = 0.0;
         for (int body = 0; body < fixed; ++body)
             for (int k = 0; k < 3; ++k) positions[1 + body][k] = placed[burst][body][k];
-        place_links(qpos, links, link_poses, {&positions[0][0] + 3 * (1 + fixed), moving - fixed, 3},
-                    {rotations.data() + 9 * (1 + fixed), moving - fixed, 3, 3});
+        place_links(qpos, links, link_poses, {linked_positions, moving - fixed, 3},
+                    {linked_rotations, moving - fixed, 3, 3});
         for (int line = 0; line < LINES; ++line)
             arcs[line].begin(scene.beams, elevations, line, (number * COLUMNS + line * cycle / LINES) % cycle);
         found.clear();
         for (int frame = 0; frame <= moving; ++frame) {
             const Row<const std::int32_t> parts = scene.frames[frame];
             if (frame > 0 && parts[6] == mount.tree) continue;
-            look_from_moving({place, 3}, {turn, 3, 3}, positions[frame], rotation_of(frame), poses[frame]);
+            look_from_moving({place, 3}, {turn, 3, 3}, positions[frame], {&rotations[frame][0], 3, 3}, poses[frame]);
             const Pose pose(poses[frame]);
             const auto [ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz] = pose;
             const Numbers sphere = scene.spheres[frame];

@@ -135,6 +135,7 @@ def test_a_frame_is_skewed_as_the_car_moves():
 
 def test_times_and_lines_follow_from_the_index():
     points = cloud.point_cloud(np.arange(4.0 * cloud.POINTS), 5e8)
+    assert points.dtype.itemsize == 26 and points.dtype.fields["timestamp"][1] == 18
     assert points["line"][:6].tolist() == [0, 1, 2, 3, 0, 1] and points["y"][2] == 9.0 and points["intensity"][1] == 7.0
     assert points["timestamp"][[0, 499, 500, -1]].tolist() == pytest.approx([4.0125e8, 4.0125e8, 4.0375e8, 4.9875e8])
 
