@@ -401,7 +401,8 @@ void cast_bursts(const Scene& scene, Matrix elevations, Matrix materials, const 
     OwnTable<double> positions(moving + 1, 3), rotations(moving + 1, 9);  // of the world, and of all bodies that move
     for (int body = 0; body <= fixed; ++body)
         for (int k = 0; k < 3; ++k) rotations[body][4 * k] = 1.0;
-    double *linked_positions = &positions[0][0] + 3 * (1 + fixed), *linked_rotations = &rotations[0][0] + 9 * (1 + fixed);
+    double* const linked_positions = &positions[0][0] + 3 * (1 + fixed);
+    double* const linked_rotations = &rotations[0][0] + 9 * (1 + fixed);
     OwnTable<double> views(5, scene.spans.rows);
     OwnRow<std::int32_t> in_view(most), outside(longest);
     std::vector<Candidate> found;
