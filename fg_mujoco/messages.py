@@ -90,6 +90,14 @@ def require(
             raise error(f"{type(message).__name__}.{name} is {shown(value)}; accepted: {accepted}")
 
 
+def require_served(message: object, names: tuple[str, ...], **others: Any) -> None:
+    """Raise SettingsError for the first of the fields `names` that is told, where all `others` that it serves are 0."""
+    told = [name for name in names if getattr(message, name) != getattr(type(message), name)]
+    if told and not any(others.values()):
+        said = f"{type(message).__name__}.{told[0]} is {shown(getattr(message, told[0]))}"
+        raise SettingsError(f"{said} without {' or '.join(others)}; accepted: with {' or '.join(others)}")
+
+
 MOST_WHOLE = 2**63 - 1
 """The greatest whole number of settings and files, that of 64 bits, as TOML has it."""
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ..arguments import explain_class
 from ..errors import SettingsError, TrackError, accepted_names
-from ..messages import FloatArray, require, require_whole
+from ..messages import FloatArray, require, require_served, require_whole
 from .obstacles import Box, Obstacle, Pipe, Prism
 from .polyline import distance_to_segment, is_inside, segments, step_lengths, subdivide
 from .track_mesh import (
@@ -86,8 +86,8 @@ class Walls:
         require_whole("Walls.seed", self.seed, 0)
         if self.thickness is not None and self.kind == "duct":
             raise SettingsError(f"Walls.thickness is {self.thickness!r} of ducts; accepted: None, they are round")
-        if self.clutter and not self.room:
-            raise SettingsError(f"Walls.clutter is {self.clutter} without a hall; accepted: with room, as 5 m")
+        require_served(self, ("room_height", "clutter"), room=self.room)
+        require_served(self, ("piece",), gap=self.gap, weight=self.weight)
 
     @property
     def depth(self) -> float:

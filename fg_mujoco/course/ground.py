@@ -21,7 +21,7 @@ import numpy as np
 from .. import portable
 from ..arguments import explain_class
 from ..errors import SettingsError, TrackError, accepted_names, missing_extra
-from ..messages import FloatArray, read_only, require, require_whole, shown
+from ..messages import FloatArray, read_only, require, require_served, require_whole, shown
 from .files import read_bytes
 from .polyline import cross, is_inside, step_lengths, steps, subdivide
 
@@ -42,7 +42,7 @@ _BRIDGE_TOP, _BRIDGE_SLOPE = 4.0, 3.0  # heights of it. An estimate: protectors 
 _STRAIGHT = 0.05  # [1/m] curvature of a stretch that takes a ramp
 _LONGEST_WAVE, _SHORTEST_WAVE, _WAVES = 5.0, 0.2, 160  # [m] of roughness, at our scale
 _STEEPEST = 1.0  # slope of a road: 45 degrees
-_MOST_NODES = 1_100_000
+_MOST_NODES = 2_000_000
 _SPACING, _BLOCK = 0.1, 16  # [m] between points of the line that nodes are near to; side of so many nodes at a time
 _BEYOND_STEEPEST, _LEVEL_ENOUGH = 1.2, 0.1  # share of its bank and ramp, and slope, of ground where stretches meet
 _AVERAGED, _REACH = 400, 2  # times at most, and nodes on either side
@@ -78,7 +78,8 @@ class Relief:
             least = -most if names in (("bank",), ("crest",)) else 0.0
             require(self, lambda v: least <= v <= most, f"{least:g} to {most:g} {unit}", names, SettingsError)  # noqa: B023
         if self.roughness not in ROUGHNESS:
-            raise SettingsError(f"Relief.roughness is {self.roughness!r}; {accepted_names(self.roughness, ROUGHNESS)}")
+            said = accepted_names(self.roughness, filter(None, ROUGHNESS), ", or none")
+            raise SettingsError(f"Relief.roughness is {self.roughness!r}; {said}")
         require_whole("Relief.seed", self.seed, 0)
         require(self, lambda value: 0.001 <= value <= 10.0, "0.001 to 10 m", ("cell",), SettingsError)
         try:
@@ -87,12 +88,14 @@ class Relief:
             x = y = math.nan
         if not (math.isfinite(x) and math.isfinite(y)):
             raise SettingsError(f"Relief.corner is {shown(self.corner)}; accepted: x and y [m]")
+        object.__setattr__(self, "corner", (x, y))
+        require_served(self, ("cell", "corner"), heights=self.heights is not None)
         if self.heights is not None:
             try:
-                own = read_only(self.heights)
+                own = read_only(np.asarray(self.heights).astype(np.float64, casting="same_kind"))
             except (TypeError, ValueError):
                 said = f"Relief.heights is {shown(self.heights)}"
-                raise SettingsError(f"{said}; accepted: an array (rows, columns) of heights [m]") from None
+                raise SettingsError(f"{said}; accepted: an array (rows, columns) of real numbers [m]") from None
             if own.ndim != 2 or min(own.shape) < 2 or own.size > _MOST_NODES:
                 accepted = f"(rows, columns), 2 or more each, up to {_MOST_NODES} in all"
                 raise SettingsError(f"Relief.heights has shape {own.shape}; accepted: {accepted}")
@@ -152,11 +155,10 @@ def relief_of(
     if heights is None:
         return Relief(**others)
     try:
-        found = _read_picture(heights) if is_picture else np.load(BytesIO(read_bytes(heights)), allow_pickle=False)
-        own = np.asarray(found, np.float64)
-    except (OSError, EOFError, MemoryError, TypeError, SyntaxError, ValueError) as error:
-        if isinstance(error, SettingsError):
-            raise
+        own = _read_picture(heights) if is_picture else np.load(BytesIO(read_bytes(heights)), allow_pickle=False)
+    except SettingsError:
+        raise
+    except (OSError, EOFError, MemoryError, SyntaxError, ValueError) as error:
         said = f"heights={heights}: {getattr(error, 'strerror', None) or 'no heights'}"
         raise SettingsError(f"{said}; accepted: {SETTINGS['heights'][0]}, of heights") from error
     return Relief(heights=own if high is None else (low or 0.0) + (high - (low or 0.0)) * own, **others)
@@ -248,6 +250,11 @@ def make_ground(track: Any) -> Ground | None:
     if relief.heights is not None:
         cell = min(cell, relief.cell) if relief.cable_bridge or relief.kerb else relief.cell
     points = np.concatenate((track.bounds, *track.edges, *(each.corners() for each in getattr(track, "hall", ()))))
+    if relief.heights is not None:
+        field, course = relief.own.bounds, np.stack((points.min(axis=0), points.max(axis=0)))
+        if (field[0] > course[1]).any() or (field[1] < course[0]).any():
+            said = f"the heights of {track.name!r} are over {_extent(field)}"
+            raise TrackError(f"{said}; accepted: over some of the course, {_extent(course)}")
     low, rows, columns = _grid(points, cell)
     if rows * columns > _MOST_NODES and cell == _CELL and relief.heights is None:
         cell = _COARSE_CELL
@@ -271,6 +278,11 @@ def make_ground(track: Any) -> Ground | None:
     ground = Ground(heights=read_only(heights.reshape(rows, columns)), corner=(float(low[0]), float(low[1])), cell=cell)
     _check_slope(track, ground, nodes)
     return ground
+
+
+def _extent(bounds: FloatArray) -> str:
+    (low_x, low_y), (high_x, high_y) = bounds.tolist()
+    return f"x {low_x:.1f} to {high_x:.1f} m, y {low_y:.1f} to {high_y:.1f} m"
 
 
 def _grid(points: FloatArray, cell: float) -> tuple[FloatArray, int, int]:

@@ -21,7 +21,9 @@ from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.weighted_gap import WeightedGapSettings
+from fg_mujoco.course.built_walls import Walls
 from fg_mujoco.course.formats import track_names
+from fg_mujoco.course.ground import Relief
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.rewards import Rewards
@@ -66,6 +68,7 @@ GIVEN = {
     fg.MovingObstacle: {"length": 0.4, "width": 0.3, "start": (6.0, 0.0), "end": (1.0, 0.0), "speed": 1.3},
     fg.Patch: {"x": 0.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5},
     fg.DriveCommand: {"steering_angle": 0.0, "speed": 1.0}, PlannerContext: {"car": CAR, "mu": MU, "max_speed": 8.0},
+    Walls: {"room": 5.0, "gap": 0.1}, Relief: {"heights": np.zeros((2, 2))},
     CarParameters: dataclasses.asdict(CAR), MagicFormula: {"B": 10.0, "C": 1.6, "D": 1.1},
     **{kind: {"D": 1.0, "stiffness": 20.0} for kind in (Brush, Coulomb, Linear)},
 }  # fmt: skip
