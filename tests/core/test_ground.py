@@ -22,7 +22,7 @@ from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_rows import FORCE_ACROSS, FORCE_ALONG, LOAD, USERDATA
-from map_oracles import draw_map, real_map, ring
+from map_oracles import draw_map, draw_walls, real_map, ring
 
 GRAVITY = 9.81
 
@@ -225,58 +225,80 @@ def test_a_rough_road_has_the_spectrum_of_its_class_at_our_scale(road):
     assert np.exp(np.mean(np.log(density[band] / asked))) == pytest.approx(1.0, rel=0.25)
 
 
-@each("name", [
-    "oval[bank=10,kerb=0.01,cable_bridge=0.01]", "oval[ramp=8,walls=duct,height=0.2,room=3]",
-    "oval[crest=0.1,roughness=C,ground_seed=4]",
-])  # fmt: skip
-def test_walls_and_obstacles_stand_on_it_it_is_made_again_and_a_run_on_it_is_replayed(name, tmp_path):
+GROUNDS = ("oval[bank=10,kerb=0.01,cable_bridge=0.01]", "oval[ramp=8,walls=duct,height=0.2,room=3]",
+           "oval[crest=0.1,roughness=C,ground_seed=4]")  # fmt: skip
+
+
+@each("name", GROUNDS)
+def test_walls_stand_on_it(name):
     course = fg.load_track(name)
-    again = course_of(name, course.definition)
-    assert np.array_equal(again.ground.heights, course.ground.heights)
-    world = World(course)
-    lowest = {}
-    for geom in range(world.model.ngeom):
-        mesh = world.model.geom_dataid[geom]
-        if world.model.geom(geom).name in ("walls", "ducts"):
-            first, count = world.model.mesh_vertadr[mesh], world.model.mesh_vertnum[mesh]
-            turn = np.empty(9)
-            mujoco.mju_quat2Mat(turn, world.model.geom_quat[geom])
-            at = world.model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + world.model.geom_pos[geom]
-            above = at[:, 2] - course.ground.at(at[:, :2])
-            lowest["walls"] = above.min(), above.max()
-    assert lowest["walls"] == pytest.approx((0.0, course.built.height if course.built else WALL_HEIGHT), abs=1e-5)
-    result = fg.race(name, laps=1, time_limit=4.0)
-    write_run(result, tmp_path / "run")
-    assert fg.replay(tmp_path / "run").identical
+    model = World(course).model
+    geom = model.geom("ducts" if course.built else "walls")
+    mesh, turn = geom.dataid[0], np.empty(9)
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    mujoco.mju_quat2Mat(turn, geom.quat)
+    at = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + geom.pos
+    above = at[:, 2] - course.ground.at(at[:, :2])
+    height = course.built.height if course.built else WALL_HEIGHT
+    assert (above.min(), above.max()) == pytest.approx((0.0, height), abs=1e-5)
 
 
-def test_a_world_of_a_rollout_on_rough_ground_is_the_race_that_its_setup_says(tmp_path):
+OF_FILES = ("walls=duct,height=0.2,gap=0.2,room=3", "bank=8,walls=duct,height=0.2", "crest=0.1,roughness=B")
+
+
+SETTINGS_OF_FILES = ("walls=duct,height=0.2,gap=0.2,room=3", "bank=8,walls=duct,height=0.2", "crest=0.1,roughness=B")
+
+
+def hills(x, y):
+    return 0.05 * np.sin(x) * np.cos(y)
+
+
+@each("name", [
+    *GROUNDS, "oval[walls=duct,height=0.2,room=5]", "oval[gap=0.3,piece=2]", "oval[porosity=0.3,room=3]",
+    "random:7[walls=duct,height=0.33,gap=0.1,room=3,clutter=5]", "{kinds}[height=0.4,room=2]",
+    *(f"{{{kind}}}[{settings}]" for kind in ("map", "line") for settings in SETTINGS_OF_FILES),
+    *(f"{name}[heights={{hills}},corner=-8:-4]" for name in ("open_ground:2", "scene:narrow_gap_150:1")),
+])  # fmt: skip
+def test_a_course_with_walls_or_ground_is_made_again_and_a_run_on_it_is_replayed(name, tmp_path):
+    if "{map}" in name:
+        draw_map(tmp_path, ring(), origin=(-7.5, -2.0, 0.0))
+    elif "{kinds}" in name:
+        draw_walls(tmp_path, 0.5)
+    write_centreline(fg.load_track("oval"), tmp_path / "own.csv")
+    np.save(tmp_path / "own.npy", hills(*np.meshgrid(np.arange(-8.0, 8.0, 0.1), np.arange(-4.0, 4.0, 0.1))))
+    files = {"map": "drawn.yaml", "kinds": "drawn.yaml", "line": "own.csv", "hills": "own.npy"}
+    name = name.format(**{kind: tmp_path / file for kind, file in files.items()})
+    course, plain = fg.load_track(name), fg.load_track(name.partition("[")[0])
+    again = course_of(course.name, course.definition)
+    assert course.name == plain.name + name[name.index("[") :]
+    solids = [[solid.corners() for solid in (*each.walls, *getattr(each, "hall", ()))] for each in (course, again)]
+    assert all(np.array_equal(*both) for both in zip(*solids, strict=True))
+    assert course.ground is again.ground is None or np.array_equal(course.ground.heights, again.ground.heights)
+    assert all(np.array_equal(*both) for both in zip(course.edges, plain.edges, strict=True))
+    lines = np.concatenate([segments(edge) for edge in course.edges]) if course.closed else ()
+    for face in np.concatenate([wall.corners()[:2] for wall in course.walls if course.closed] or [()]):
+        assert distance_to_segment(np.tile(face, (len(lines), 1)), *lines.transpose(1, 0, 2)).min() < 1e-9
+    if not course.closed:
+        places = np.array([[0.3, 0.2], [1.7, -1.1], [-2.0, 1.0]])
+        assert course.ground.at(places) == pytest.approx(hills(*places.T), abs=1e-3)
+    result = fg.race(course, laps=1 if course.closed else None, time_limit=4.0 if course.ground else None)
+    assert result.car.finished or course.ground
+    assert fg.replay(write_run(result, tmp_path / "run")).identical
+
+
+@each("name, randomize", [
+    ("oval[roughness=C,bank=3,walls=duct,height=0.2,gap=0.1,room=3]", {"mu": (0.8, 1.0), "through_cars": (0.0, 0.5)}),
+    ("oval[walls=duct,height=0.2,weight=1,gap=0.05,room=3]", {"mu": (0.5, 1.0)}),
+    ("oval[walls=duct,height=0.2,room=3,porosity=0.2]", {"floor_angle": (0.0, 0.2)}),
+])  # fmt: skip
+def test_a_world_of_a_rollout_there_is_the_race_that_its_setup_says(name, randomize, tmp_path):
     """Several worlds are stepped as cars alone, without what is only seen."""
     worlds = fg.rollout(
-        "oval[roughness=C,bank=3,walls=duct,height=0.2,gap=0.1,room=3]", n=2, time_limit=2.0, laps=1, out=tmp_path,
-        randomize={"mu": (0.8, 1.0), "through_cars": (0.0, 0.5)}, record="telemetry",
+        name, n=3, time_limit=3.0, laps=1, out=tmp_path / "worlds", record="telemetry", workers=2, randomize=randomize,
     )  # fmt: skip
-    race = fg.race(worlds.setup(1))
-    assert np.array_equal(race.car.telemetry, worlds.telemetry(1), equal_nan=True)
-
-
-@each("settings", ["walls=duct,height=0.2,gap=0.2,room=3", "bank=8,walls=duct,height=0.2", "crest=0.1,roughness=B"])
-@each("kind", ["map", "centreline"])
-def test_courses_from_files_take_walls_and_ground_and_their_runs_are_replayed(kind, settings, tmp_path):
-    if kind == "map":
-        path = draw_map(tmp_path, ring(), origin=(-7.5, -2.0, 0.0))
-    else:
-        write_centreline(fg.load_track("oval"), path := tmp_path / "own.csv")
-    name = f"{path}[{settings}]"
-    plain, course = fg.load_track(path), fg.load_track(name)
-    assert np.array_equal(plain.left_wall, course.left_wall)
-    if course.built:
-        lines = np.concatenate([segments(edge) for edge in course.edges])
-        for face in np.concatenate([wall.corners()[:2] for wall in course.walls]):
-            assert distance_to_segment(np.tile(face, (len(lines), 1)), *lines.transpose(1, 0, 2)).min() < 1e-9
-    result = fg.race(name, laps=1, time_limit=4.0)
-    write_run(result, tmp_path / "run")
-    assert fg.replay(tmp_path / "run").identical
+    for world in range(3):
+        race = fg.race(worlds.setup(world))
+        assert np.array_equal(race.car.telemetry, worlds.telemetry(world), equal_nan=True)
 
 
 @each("degrees", [5.0, 15.0])
@@ -289,28 +311,18 @@ def test_the_banks_of_raced_maps_have_no_steps_where_stretches_meet(name, degree
     assert np.ptp(heights) > 0.5 * math.tan(math.radians(degrees)) * course.corridor_left.min()
 
 
-def test_open_ground_and_scenes_take_heights_and_a_run_on_them_is_replayed(tmp_path):
-    x, y = np.meshgrid(np.arange(-8.0, 8.0, 0.1), np.arange(-4.0, 4.0, 0.1))
-    np.save(tmp_path / "hills.npy", 0.05 * np.sin(x) * np.cos(y))
-    for name in ("open_ground:2", "scene:narrow_gap_150:1"):
-        course = fg.load_track(f"{name}[heights={tmp_path}/hills.npy,corner=-8:-4]")
-        places = np.array([[0.3, 0.2], [1.7, -1.1], [-2.0, 1.0]])
-        assert course.ground.at(places) == pytest.approx(0.05 * np.sin(places[:, 0]) * np.cos(places[:, 1]), abs=1e-3)
-        again = course_of(course.name, course.definition)
-        assert np.array_equal(again.ground.heights, course.ground.heights)
-        result = fg.race(course, laps=None, time_limit=2.0)
-        write_run(result, tmp_path / name[:5])
-        assert fg.replay(tmp_path / name[:5]).identical
-
-
 @each("text", [
-    "oval[bank=40]", "oval[ramp=30]", "oval[roughness=E]", "oval[bank=x]", "oval[heights=none.npy]",
-    "hairpins[ramp=0.5]", "scene:narrow_gap_150:1[bank=3]", "open_ground:2[roughness=C]", "open_ground:2[bank=3]",
-    "oval[kerb=0.2]", "oval[cable_bridge=-0.1]", "fast[cable_bridge=0.02]",
+    "walls=round", "height=0", "height=high", "walls=duct,thickness=0.1", "clutter=3", "height=0.2,height=0.3",
+    "porosity=2", "gap=-1", "room=0.3,clutter=400", "piece=nan,gap=0.1", "height=0.2,scale=2", "wall=duct",
+    "weight=-1", "room_height=2", "piece=3", "bank=40", "ramp=30", "roughness=E", "bank=x", "heights=none.npy",
+    "kerb=0.2", "cable_bridge=-0.1", "cell=0.2", "corner=1:1", "oval[height=0.2", "random:3[gaps=1]",
+    "scene:narrow_gap_150:1[height=0.2]", "scene:narrow_gap_150:1[bank=3]", "open_ground:2[roughness=C]",
+    "open_ground:2[bank=3]", "hairpins[ramp=0.5]", "fast[cable_bridge=0.02]",
 ])  # fmt: skip
-def test_ground_that_cannot_be_is_refused_in_a_line(text):
+def test_settings_of_walls_and_ground_that_cannot_be_are_refused_in_a_line(text):
     with pytest.raises(TrackError, match="accepted") as refused:
-        _ = fg.load_track(text).ground
+        course = fg.load_track(text if "[" in text else f"oval[{text}]")
+        _ = course.ground, course.hall
     assert "\n" not in str(refused.value)
 
 
@@ -327,16 +339,20 @@ def test_a_grey_picture_is_read_as_heights_with_all_its_bits_and_its_first_row_a
     assert course.ground.at(places) == pytest.approx(-0.02 + 0.07 * levels / most, abs=1e-12)
 
 
-def test_pictures_that_are_no_heights_are_refused_in_a_line(tmp_path):
+def test_files_that_are_no_heights_are_refused_in_a_line(tmp_path):
     Image.new("RGB", (9, 9)).save(tmp_path / "colour.png")
     Image.new("L", (9, 9)).save(tmp_path / "grey.png")
     (tmp_path / "text.png").write_text("no picture")
+    np.save(tmp_path / "complex.npy", np.full((9, 9), 1.0j))
+    np.save(tmp_path / "own.npy", np.zeros((9, 9)))
     for text, said in (
         ("heights={}/colour.png,high=1", "RGB.*grey PNG of 8 or 16 bits"), ("heights={}/grey.png", "high"),
         ("heights={}/text.png,high=1", "accepted"), ("heights={}/none.png,high=1", "No such file"), ("low=1", "grey"),
+        ("heights={}/complex.npy", "accepted: .*real numbers"),
+        ("heights={}/own.npy,corner=500:9", r"x 500\.0 to 500\.8 m, .*accepted: .* x -13\.1 to"),
     ):  # fmt: skip
         with pytest.raises(TrackError, match=said) as refused:
-            fg.load_track(f"oval[{text.format(tmp_path)}]")
+            _ = fg.load_track(f"oval[{text.format(tmp_path)}]").ground
         assert "\n" not in str(refused.value)
 
 

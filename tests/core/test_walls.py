@@ -7,12 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image, ImageFilter
 
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.course.built_walls import Walls
-from fg_mujoco.course.definitions import course_of
 from fg_mujoco.course.polyline import is_inside, step_lengths
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import TrackError
@@ -22,9 +20,7 @@ from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.tire_forces import TireForces
-from map_oracles import draw_map, ring
-
-HALL = "[walls=duct,height=0.2,room=5]"
+from map_oracles import draw_walls
 
 
 @pytest.fixture(scope="module")
@@ -137,16 +133,10 @@ def test_over_a_duct_beams_meet_the_floor_the_duct_or_the_hall_as_trigonometry_s
 @each("share", [0.0, 0.2, 0.7, 1.0])
 def test_a_porous_wall_lets_its_share_of_the_beams_through(share):
     plain, porous = World("oval"), World(f"oval[porosity={share},room=3]")
-    data = pitched(plain, 0.0)
-    through = porous.lidar.ranges(pitched(porous, 0.0)) > plain.lidar.ranges(data) + 0.2
+    data = pitched(porous, 0.0)
+    through = porous.lidar.ranges(data) > plain.lidar.ranges(pitched(plain, 0.0)) + 0.2
+    assert np.array_equal(porous.lidar.ranges(data), porous.make_lidar().ranges(data))  # holes stay where they are
     assert through.mean() == pytest.approx(share, abs=4.0 * math.sqrt(share * (1.0 - share) / 1081) + 1e-12)
-
-
-def test_holes_stay_where_they_are_and_a_race_among_them_has_its_bits():
-    world = World("oval[porosity=0.5,room=3]")
-    assert np.array_equal(world.lidar.ranges(pitched(world, 0.0)), world.make_lidar().ranges(pitched(world, 0.0)))
-    first, again = (fg.race("oval[porosity=0.3,room=3]", laps=1) for _ in range(2))
-    assert first.trajectory_sha256 == again.trajectory_sha256 and first.car.finished
 
 
 def test_beams_that_meet_the_floor_at_a_glancing_angle_do_not_come_back(straight):
@@ -182,16 +172,6 @@ def test_of_a_car_that_beams_pass_through_the_box_is_seen_that_the_rules_ask_for
     assert solid > half > open_ == 0
 
 
-def test_worlds_of_a_rollout_lose_the_beams_that_their_races_lose(tmp_path):
-    worlds = fg.rollout(
-        "oval[walls=duct,height=0.2,room=3,porosity=0.2]", n=2, laps=1, time_limit=2.0, out=tmp_path,
-        record="telemetry", randomize={"floor_angle": (0.0, 0.2)},
-    )  # fmt: skip
-    for world in range(2):
-        race = fg.race(worlds.setup(world))
-        assert np.array_equal(race.car.telemetry, worlds.telemetry(world), equal_nan=True)
-
-
 def test_a_race_sees_through_cars_as_it_is_told():
     settings = {"opponents": ["gap_finder"], "laps": 1, "start_s": 0.0, "time_limit": 3.0}
     hashes = {share: fg.race("oval", through_cars=share, **settings).trajectory_sha256 for share in (0.0, 0.5, 0.9)}
@@ -199,32 +179,9 @@ def test_a_race_sees_through_cars_as_it_is_told():
     assert fg.race("oval", through_cars=0.5, **settings).trajectory_sha256 == hashes[0.5]
 
 
-@each("name", ["oval" + HALL, "oval[gap=0.3,piece=2]", "random:7[walls=duct,height=0.33,gap=0.1,room=3,clutter=5]"])
-def test_a_course_with_such_walls_is_made_again_of_its_numbers_and_a_run_of_it_is_replayed(name, tmp_path):
-    course = fg.load_track(name)
-    again = course_of(course.name, course.definition)
-    assert course.name == name and again.built == course.built
-    assert [wall.corners().tolist() for wall in again.walls] == [wall.corners().tolist() for wall in course.walls]
-    result = fg.race(name, laps=1)
-    assert result.car.finished
-    write_run(result, tmp_path / "run")
-    assert fg.replay(tmp_path / "run").identical
-
-
-def draw_walls(folder, blur, table):
-    """Write a map of a ring whose walls are black on the left, grey in the middle and light grey on the right."""
-    drawn = np.where(ring(), 254, np.where(np.arange(300) < 120, 0, np.where(np.arange(300) < 200, 60, 110)))
-    image = Image.fromarray(drawn[::-1].astype(np.uint8))
-    path = draw_map(folder, ring(), origin=(-7.5, -5.0, 0.0), walls=table, occupied_thresh=0.5)
-    image.filter(ImageFilter.GaussianBlur(blur)).save(folder / "drawn.png")
-    return path
-
-
 @each("blur", [0.0, 0.5, 0.7, 1.2])
 def test_walls_of_a_map_are_built_as_the_table_says_of_the_grey_that_they_are_drawn_in(blur, tmp_path):
-    table = "{0: {walls: duct, height: 0.2}, 60: {height: 1.0, thickness: 0.1}}"
-    name = f"{draw_walls(tmp_path, blur, table)}[height=0.4,room=2]"
-    course = fg.load_track(name)
+    course = fg.load_track(f"{draw_walls(tmp_path, blur)}[height=0.4,room=2]")
     kinds = {part.built.height: part.feet for part in course.wall_parts}
     near = 0.1  # [m] two pixels; a level that is not in the table begins five pixels from one that is
     for height, low, high in ((0.2, -9.0, -1.5), (1.0, -1.5, 2.75), (0.4, 2.5, 9.0)):
@@ -235,11 +192,6 @@ def test_walls_of_a_map_are_built_as_the_table_says_of_the_grey_that_they_are_dr
     assert sum(stands) == pytest.approx(whole, rel=1e-9) and len(kinds) == 3
     assert len(course.hall) == 4 and len(course.walls) == sum(map(len, kinds.values()))
     assert all(World(course).model.geom(seen).name == seen for seen in ("ducts_1", "walls_2", "walls"))
-    again = course_of(name, course.definition)
-    assert [part.feet.tolist() for part in again.wall_parts] == [part.feet.tolist() for part in course.wall_parts]
-    result = fg.race(name, laps=1, time_limit=3.0)
-    write_run(result, tmp_path / "run")
-    assert fg.replay(tmp_path / "run").identical
 
 
 @each("table", [
@@ -253,16 +205,6 @@ def test_tables_of_walls_that_cannot_be_are_refused_in_a_line_with_the_file(tabl
 
 
 PUSHED = "oval[walls=duct,height=0.2,weight=2,room=3]"
-
-
-class Blind:
-    """Drives straight ahead, whatever is there."""
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        return fg.DriveCommand(steering_angle=0.0, speed=3.0)
 
 
 @each("motion", [(1.5, 0.0, 0.0), (-0.6, 0.8, 0.0), (0.0, 0.0, 2.0), (0.5, 0.0, 1.0)])
@@ -329,31 +271,12 @@ def test_beams_see_a_piece_where_it_is_as_mujocos_own_rays_do():
     assert np.abs(found[0] - drawn.lidar.ranges(pitched(drawn, 0.0))).max() > 0.05
 
 
-def test_a_race_into_a_duct_that_moves_is_a_collision_is_replayed_and_is_that_of_a_rollout(tmp_path):
-    races = [fg.race(name, Blind(), laps=1, time_limit=4.0) for name in (PUSHED, PUSHED.replace(",weight=2", ""))]
-    assert [race.car.collisions_wall > 0 for race in races] == [True, True]
-    write_run(races[0], tmp_path / "run")
-    assert fg.replay(tmp_path / "run").identical
-    name = PUSHED.replace("weight=2", "weight=1,gap=0.05")
-    worlds = fg.rollout(
-        name, n=3, laps=1, time_limit=3.0, out=tmp_path / "worlds", record="telemetry", workers=2,
-        randomize={"mu": (0.5, 1.0)},
-    )  # fmt: skip
-    for world in range(3):
-        race = fg.race(worlds.setup(world))
-        assert np.array_equal(race.car.telemetry, worlds.telemetry(world), equal_nan=True)
-
-
-@each("text", [
-    "oval[walls=round]", "oval[height=0]", "oval[height=high]", "oval[walls=duct,thickness=0.1]", "oval[clutter=3]",
-    "oval[height=0.2,height=0.3]", "oval[porosity=2]", "oval[gap=-1]", "scene:narrow_gap_150:1[height=0.2]",
-    "oval[room=0.3,clutter=400]", "oval[piece=nan,gap=0.1]", "oval[height=0.2,scale=2]", "oval[wall=duct]",
-    "random:3[gaps=1]", "oval[height=0.2", "oval[weight=-1]",
-])  # fmt: skip
-def test_settings_of_walls_that_cannot_be_are_refused_in_a_line(text):
-    with pytest.raises(TrackError, match="accepted") as refused:
-        _ = fg.load_track(text).hall
-    assert "\n" not in str(refused.value)
+def test_a_race_into_a_duct_that_moves_is_a_collision_and_is_replayed(tmp_path):
+    ahead = fg.DriveCommand(steering_angle=0.0, speed=3.0)
+    for name in (PUSHED.replace(",weight=2", ""), PUSHED):
+        race = fg.race(name, lambda scan, odometry: ahead, laps=1, time_limit=4.0)
+        assert race.car.collisions_wall > 0
+    assert fg.replay(write_run(race, tmp_path / "run")).identical
 
 
 def test_walls_below_the_lidar_with_nothing_behind_are_remarked():

@@ -39,6 +39,20 @@ def ring(rows=200, columns=300, *, inner=40.0, outer=70.0):
     return (distance > inner) & (distance < outer)
 
 
+KINDS = "{0: {walls: duct, height: 0.2}, 60: {height: 1.0, thickness: 0.1}}"
+
+
+def draw_walls(folder, blur, table=KINDS):
+    """Write a map of a ring whose walls are black on the left, grey in the middle and light grey on the right."""
+    from PIL import Image, ImageFilter
+
+    drawn = np.where(ring(), 254, np.where(np.arange(300) < 120, 0, np.where(np.arange(300) < 200, 60, 110)))
+    image = Image.fromarray(drawn[::-1].astype(np.uint8))
+    path = draw_map(folder, ring(), origin=(-7.5, -5.0, 0.0), walls=table, occupied_thresh=0.5)
+    image.filter(ImageFilter.GaussianBlur(blur)).save(folder / "drawn.png")
+    return path
+
+
 def march(free, starts, headings, longest):
     """Go along rays from pixel to pixel until one is not free: how far that is, `longest` where none is met.
 
