@@ -12,48 +12,36 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.course.centreline_csv import write_centreline
 from fg_mujoco.course.definitions import course_of
-from fg_mujoco.course.ground import ROUGHNESS, SCALE, Relief
+from fg_mujoco.course.ground import ROUGHNESS, SCALE, Ground, Relief
 from fg_mujoco.course.polyline import distance_to_segment, segments
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.native import core
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.simulation.world import World
-from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.tire_forces import TireForces
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_rows import FORCE_ACROSS, FORCE_ALONG, LOAD, USERDATA
 from map_oracles import draw_map, draw_walls, real_map, ring
 
 GRAVITY = 9.81
 
 
-class OnHeights:
-    """A car on ground whose height is a function of x and y [m], without walls near it."""
+class OnHeights(LabGround):
+    """A car on ground whose height is a function of x and y [m]."""
 
-    def __init__(self, height, *, reach=12.0, cell=0.1, mu=None, tires=None, timestep=None):
-        nodes = cell * np.arange(-round(reach / cell), round(reach / cell) + 1)
+    def __init__(self, height, *, reach=12.0):
+        nodes = 0.1 * np.arange(-round(reach / 0.1), round(reach / 0.1) + 1)
         x, y = np.meshgrid(nodes, nodes)
-        line = fg.load_track("oval").centreline
-        away = line - line.mean(axis=0)
-        course = fg.Track(
-            name="around", centreline=2.0 * away, width_right=np.ones(len(line)), width_left=np.ones(len(line)),
-            relief=Relief(heights=height(x, y), cell=cell, corner=(nodes[0], nodes[0])),
-        )  # fmt: skip
-        self.model = World(course, mu=mu, tires=tires).model
-        if timestep:
-            self.model.opt.timestep = timestep
-        self.data, self.car = mujoco.MjData(self.model), Car(self.model, "car/")
-        self.forces = TireForces(self.model, "car/")
+        super().__init__(surface=Ground(heights=height(x, y), corner=(nodes[0], nodes[0]), cell=0.1))
 
     def place(self, x=0.0, y=0.0, heading=0.0, speed=0.0):
-        mujoco.mj_resetData(self.model, self.data)
+        super().place()
         self.car.set_pose(self.data, x, y, heading, speed)
         self.forces.begin(self.data)
 
     def hold(self, seconds, steering=0.0, speed=0.0):
-        self.car.apply(self.data, fg.DriveCommand(steering_angle=steering, speed=speed))
-        for _ in range(round(seconds / self.model.opt.timestep)):
-            self.forces.step(self.data)
+        super().hold(fg.DriveCommand(steering_angle=steering, speed=speed), seconds)
 
     @property
     def tires(self):
