@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,7 @@ from ..arguments import explain_class
 from ..errors import SettingsError, TrackError, accepted_names
 from ..messages import FloatArray, require, require_served, require_whole
 from .obstacles import Box, Obstacle, Pipe, Prism
-from .polyline import distance_to_segment, is_inside, segments, step_lengths, subdivide
+from .polyline import distance_to_segment, is_inside, segments, step_lengths
 from .track_mesh import (
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -97,20 +97,17 @@ class Walls:
     @property
     def numbers(self) -> FloatArray:
         """All that they are, for the definition of a course; `of` reads it back. A thickness of NaN: none is told."""
-        thickness = math.nan if self.thickness is None else self.thickness
-        others = [getattr(self, name) for name in _NUMBERS]
-        return np.array([KINDS.index(self.kind), self.height, thickness, *others], np.float64)
+        kind, *others = astuple(self)
+        return np.array([KINDS.index(kind), *others], np.float64)
 
     @classmethod
     def of(cls, numbers: FloatArray) -> Walls:
         """Return the walls of such numbers; raise SettingsError, ValueError or IndexError for others."""
-        kind, height, thickness, *others = np.asarray(numbers).tolist()
-        own: dict[str, Any] = dict(zip(_NUMBERS, others, strict=True))
-        own |= {name: int(own[name]) for name in ("clutter", "seed")}
-        return cls(kind=KINDS[int(kind)], height=height, thickness=None if math.isnan(thickness) else thickness, **own)
+        names = (field.name for field in fields(cls))
+        own: dict[str, Any] = dict(zip(names, np.asarray(numbers).tolist(), strict=True))
+        own |= {"kind": KINDS[int(own["kind"])], "clutter": int(own["clutter"]), "seed": int(own["seed"])}
+        return cls(**own | ({"thickness": None} if math.isnan(own["thickness"]) else {}))
 
-
-_NUMBERS = tuple(f.name for f in fields(Walls) if f.name not in ("kind", "height", "thickness"))
 
 SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "walls": (" or ".join(KINDS), str),
@@ -144,7 +141,7 @@ class WallPart(NamedTuple):
     def solids(self) -> tuple[Obstacle, ...]:
         """Return one for each footprint."""
         kind: type[Prism] = Pipe if self.built.kind == "duct" else Prism
-        return tuple(kind(footprint=tuple(map(tuple, own)), height=self.built.height) for own in self.feet.tolist())
+        return tuple(kind(footprint=own, height=self.built.height) for own in self.feet.tolist())
 
     def surface(self) -> Surface:
         """Return the mesh of the same walls: what can be seen of them, normals outward."""
@@ -154,14 +151,13 @@ class WallPart(NamedTuple):
 
 
 def wall_parts(
-    edges: Sequence[FloatArray], kinds: Sequence[Walls], marks: FloatArray | None, longest: float | None
+    edges: Sequence[FloatArray], standing: Sequence[FloatArray], kinds: Sequence[Walls], marks: FloatArray | None
 ) -> list[WallPart]:
     """Return the walls along `edges`, as Course.edges, one part for each of the kinds that is there.
 
-    `marks` has the place of its kind for each segment of all edges; None: the first of all. Pieces are as long as
-    `longest` [m] at most; None: as their segments.
+    `standing` are the edges with further points, between which pieces are; `marks` has the place of its kind for each
+    segment of all edges; None: the first of all.
     """
-    standing = [edge if longest is None else subdivide(edge, longest)[0] for edge in edges]
     firsts = np.cumsum([0, *map(len, edges)])
     found = []
     for place, built in enumerate(kinds):
@@ -200,7 +196,7 @@ def hall_solids(edges: Sequence[FloatArray], built: Walls) -> tuple[Obstacle, ..
     high = points.max(axis=0) + built.depth + built.room
     clockwise = np.array([low, (low[0], high[1]), high, (high[0], low[1])])  # so that their solid is outside
     feet = wall_footprints(clockwise, _HALL_THICKNESS).tolist()
-    sides = (Prism(footprint=tuple((x, y) for x, y in own), height=built.room_height) for own in feet)
+    sides = (Prism(footprint=own, height=built.room_height) for own in feet)
     return (*sides, *_clutter(edges, built, low, high))
 
 

@@ -22,11 +22,6 @@ from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
 from .kept_courses import kept_course
 from .track import Track
 
-_OF_CIRCUITS = re.compile(
-    r"\[((?:[^\[\]]*,)?(?:walls|height|thickness|gap|piece|porosity|weight|room|room_height|clutter|wall_seed|"
-    r"bank|ramp|crest|kerb|cable_bridge|roughness|ground_seed|heights|low|high|cell|corner)=[^\[\]]*)\]$"
-)  # the settings of a name, some of which are of built_walls.SETTINGS or ground.SETTINGS
-
 TIGHT = "tight"
 """Kind of the random circuits that are built as races are: `random:SEED:tight`."""
 
@@ -97,15 +92,21 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
 
 def parted(name: str) -> tuple[str, list[str]]:
     """Return the name of a course without its settings of walls and ground, and these, each as SETTING=VALUE."""
-    if (match := _OF_CIRCUITS.search(name)) is None:
+    plain, bracket, settings = name.rpartition("[")
+    if not bracket or not settings.endswith("]"):
         return name, []
+    known, texts = _of_walls_and_ground(), settings[:-1].split(",")
+    own = [text for text in texts if text.partition("=")[0] in known]
+    others = [text for text in texts if text not in own]
+    return plain + (f"[{','.join(others)}]" if others else ""), own
+
+
+def _of_walls_and_ground() -> tuple[str, ...]:
+    """Return the names of their settings."""
     from .built_walls import SETTINGS as OF_WALLS
     from .ground import SETTINGS as OF_GROUND
 
-    texts = match[1].split(",")
-    own = [text for text in texts if text.partition("=")[0] in {*OF_WALLS, *OF_GROUND}]
-    others = [text for text in texts if text not in own]
-    return name[: match.start()] + (f"[{','.join(others)}]" if others else ""), own
+    return *OF_WALLS, *OF_GROUND
 
 
 def _load(name: str, car: CarParameters) -> Course:
@@ -119,11 +120,8 @@ def _load(name: str, car: CarParameters) -> Course:
         return _centreline(name)
     base, bracket, settings = name.partition("[")
     if bracket and base in track_names():
-        from .built_walls import SETTINGS as OF_WALLS
-        from .ground import SETTINGS as OF_GROUND
-
         key = settings.rstrip("]").partition("=")[0]
-        raise TrackError(f"{name!r}: setting {key!r}; {accepted_names(key, (*OF_WALLS, *OF_GROUND))}, in brackets")
+        raise TrackError(f"{name!r}: setting {key!r}; {accepted_names(key, _of_walls_and_ground())}, in brackets")
     *texts, last = (each.texts for each in _formats() if each.texts)
     rest, scenes = name.partition(":")[2], course_names()[len(track_names()) :]
     besides = [*([f"random:{rest}"] if rest else []), *scenes]

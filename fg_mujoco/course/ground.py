@@ -124,9 +124,8 @@ class Relief:
     @property
     def definition(self) -> dict[str, FloatArray]:
         """All numbers that it is, by name, for the definition of a course; `of` reads them back."""
-        place = list(ROUGHNESS).index(self.roughness)
-        shape = [self.bank, self.ramp, self.crest, self.kerb, self.cable_bridge]
-        row = [*shape, place, self.seed, self.cell, *self.corner]
+        shape = (self.bank, self.ramp, self.crest, self.kerb, self.cable_bridge)
+        row = (*shape, list(ROUGHNESS).index(self.roughness), self.seed, self.cell, *self.corner)
         own = {} if self.heights is None else {"heights": self.heights}
         return {"relief": np.array(row, np.float64)} | own
 
@@ -218,9 +217,7 @@ class Ground:
     def at(self, points: FloatArray) -> FloatArray:
         """Return the height at points (..., 2) [m], between nodes along the sides of their cell. Shape (...,) [m]."""
         place = (np.asarray(points) - self.corner) / self.cell
-        column, row = (
-            np.clip(place[..., axis], 0.0, self.heights.shape[1 - axis] - 1.0) for axis in (0, 1)
-        )  # fmt: skip
+        column, row = (np.clip(place[..., axis], 0.0, self.heights.shape[1 - axis] - 1.0) for axis in (0, 1))
         left = np.minimum(column.astype(int), self.heights.shape[1] - 2)
         low = np.minimum(row.astype(int), self.heights.shape[0] - 2)
         across, up = column - left, row - low
@@ -383,10 +380,8 @@ def _along_and_across(track: Any, s: FloatArray, offset: FloatArray) -> FloatArr
 
 def _require_room(track: Any, what: str, needed: float, length: float) -> None:
     if length < needed:
-        raise TrackError(
-            f"{track.name!r} has no straight stretch of {needed:.1f} m for its {what}, the longest has {length:.1f} m; "
-            f"accepted: none, or another course"
-        )
+        said = f"{track.name!r} has no straight stretch of {needed:.1f} m for its {what}"
+        raise TrackError(f"{said}, the longest has {length:.1f} m; accepted: none, or another course")
 
 
 def _longest_straight(places: FloatArray, curvature: FloatArray, length: float) -> tuple[float, float]:

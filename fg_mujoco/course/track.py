@@ -201,8 +201,7 @@ class Track(OnRelief, Shown):
         """The convex solids that the walls are made of: one for each segment of their inner faces."""
         if self.wall_parts:
             return tuple(solid for part in self.wall_parts for solid in part.solids())
-        feet = wall_feet(self._standing_edges).tolist()
-        return tuple(Prism(footprint=tuple((x, y) for x, y in corners)) for corners in feet)
+        return tuple(Prism(footprint=corners) for corners in wall_feet(self._standing_edges).tolist())
 
     @cached_property
     def wall_parts(self) -> list[WallPart]:
@@ -213,7 +212,7 @@ class Track(OnRelief, Shown):
         from .built_walls import Walls, wall_parts
 
         marks = getattr(self, "marks", None)
-        return wall_parts(self.edges, (self.built or Walls(), *kinds), marks, self._longest_piece)
+        return wall_parts(self.edges, self._standing_edges, (self.built or Walls(), *kinds), marks)
 
     @cached_property
     def hall(self) -> tuple[Obstacle, ...]:
@@ -231,15 +230,11 @@ class Track(OnRelief, Shown):
         return wall_surface(self._standing_edges)
 
     @property
-    def _longest_piece(self) -> float | None:
-        """Length of pieces of walls that are short enough to follow the ground [m]; None: it is level."""
-        return None if self.ground is None or self.ground.flat else _WALL_PIECES
-
-    @property
     def _standing_edges(self) -> tuple[FloatArray, ...]:
-        """The edges, in such pieces."""
-        longest = self._longest_piece
-        return self.edges if longest is None else tuple(subdivide(edge, longest)[0] for edge in self.edges)
+        """The edges, on ground that is not level in pieces that are short enough to follow it."""
+        if self.ground is None or self.ground.flat:
+            return self.edges
+        return tuple(subdivide(edge, _WALL_PIECES)[0] for edge in self.edges)
 
     @property
     def edges(self) -> tuple[FloatArray, ...]:

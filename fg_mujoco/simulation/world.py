@@ -409,14 +409,8 @@ def _add_walls(spec: Any, track: Course) -> None:
             continue
         vertices, faces = surface
         vertices = vertices if ground is None else ground.lifted(vertices)
-        name, colour = ("walls", _WALL_COLOUR) if built is None or built.kind != "duct" else ("ducts", _DUCT_COLOUR)
-        name += f"_{number}" if number else ""
-        spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel())
-        geom = spec.worldbody.add_geom(
-            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=0, conaffinity=0
-        )
-        if built is not None and built.porosity:
-            let_through(spec, geom, math.sqrt(built.porosity))  # a beam meets its front and its back
+        name = ("ducts" if built and built.kind == "duct" else "walls") + (f"_{number}" if number else "")
+        _add_seen(spec, spec.worldbody, name, vertices, faces, built)
     hidden = 0 if surfaces and surfaces[0][1] is None else len(walls)
     for index, wall in enumerate((*walls, *getattr(track, "hall", ()))):
         _add_hull(spec, f"wall_{index}", _prism(wall, ground), _INVISIBLE if index < hidden else _WALL_COLOUR)
@@ -435,17 +429,21 @@ def _add_pieces(spec: Any, track: Course) -> None:
     for index, piece in enumerate(pieces):
         body, centre = add_body(spec, index, piece)
         vertices, faces = piece.surface()
-        vertices = vertices - (*centre, 0.0)
         name = f"piece_{index}"
-        spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel())
-        geom = body.add_geom(
-            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0,
-            rgba=_DUCT_COLOUR if piece.built.kind == "duct" else _WALL_COLOUR,
-        )  # fmt: skip
-        if piece.built.porosity:
-            let_through(spec, geom, math.sqrt(piece.built.porosity))
+        _add_seen(spec, body, name, vertices - (*centre, 0.0), faces, piece.built)
         for number, solid in enumerate(piece.solids()):
             _add_hull(spec, f"{name}_{number}", _prism(solid) - (*centre, 0.0), _INVISIBLE, body)
+
+
+def _add_seen(spec: Any, body: Any, name: str, vertices: FloatArray, faces: Any, built: Any) -> None:
+    """Add a mesh of walls to a body, which is seen and not hit."""
+    spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel())
+    geom = body.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0,
+        rgba=_DUCT_COLOUR if built and built.kind == "duct" else _WALL_COLOUR,
+    )  # fmt: skip
+    if built and built.porosity:
+        let_through(spec, geom, math.sqrt(built.porosity))  # a beam meets its front and its back
 
 
 def _prism(solid: Obstacle, ground: Any = None) -> FloatArray:

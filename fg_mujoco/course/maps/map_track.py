@@ -321,7 +321,7 @@ def _map_scene(occupancy: OccupancyMap, course: MapCourse, start: FloatArray) ->
         way=way,
         start=BEHIND,
         goal=length - BEYOND,
-        walls=tuple(Prism(footprint=tuple(map(tuple, feet))) for wall in walls for feet in wall_footprints(wall)),
+        walls=tuple(Prism(footprint=feet) for wall in walls for feet in wall_footprints(wall).tolist()),
         time_limit=default_time_limit(1, length),
     )
 
