@@ -16,6 +16,8 @@ from fg_mujoco.course.ground import ROUGHNESS, SCALE, Ground, Relief
 from fg_mujoco.course.polyline import distance_to_segment, segments
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.lab.experiment import LabSettings
+from fg_mujoco.lab.ground_circles import GroundCircle, closed_form
 from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.native import core
 from fg_mujoco.racing.run_folder import write_run
@@ -115,33 +117,28 @@ def test_a_car_at_rest_on_a_bank_has_the_wheel_loads_of_statics(degrees):
         assert np.abs(level).max() < 1e-3 * weight * 0.5 * own.track_width
 
 
+class FeltCircle(GroundCircle):
+    """A circle of which the sums over the tires are kept: across, along, and the load [N]."""
+
+    def _read(self, whole, k):
+        states = whole.last(self._window(k * self.law)).states
+        sums = states[:, : 4 * USERDATA].reshape(-1, 4, USERDATA).sum(axis=1).mean(axis=0)
+        self.sums = sums[[FORCE_ACROSS, FORCE_ALONG, LOAD]]
+        return super()._read(whole, k)
+
+
 @each("degrees", [-10.0, -5.0, 0.0, 5.0, 10.0, 20.0])
 def test_a_steady_circle_on_a_bank_takes_the_friction_of_the_closed_form(degrees):
     """On a cone about the origin: across the car F / N = (v^2 / g r - tan b) / (1 + v^2 / g r tan b)."""
-    slope, radius = math.tan(math.radians(degrees)), 4.0
-    ground = OnHeights(lambda x, y: slope * (np.hypot(x, y) - radius), reach=8.0)
-    own_peaks = ground.forces.mu.copy()
+    slope = math.tan(math.radians(degrees))
     for mu in (0.5, 0.8, 1.0):
-        ground.forces.mu[:] = own_peaks * (mu / own_peaks.max())
-        speed = 0.9 * math.sqrt(GRAVITY * radius * (mu + slope) / (1.0 - mu * slope))
-        ground.place(0.0, -radius, 0.0, speed)
-        found = []
-        for tick in range(320):
-            x, y = ground.data.qpos[:2]
-            ahead = ground.data.body("car/base_link").xmat[[0, 3]]
-            off, turned = math.hypot(x, y) - radius, math.remainder(
-                math.atan2(y, x) + 0.5 * math.pi - math.atan2(ahead[1], ahead[0]), 2.0 * math.pi)
-            ground.hold(0.025, 0.083 + 0.4 * off + 0.8 * turned, speed)
-            if tick >= 200:
-                center = ground.data.subtree_com[ground.model.body("car/base_link").id]
-                mujoco.mj_subtreeVel(ground.model, ground.data)
-                velocity = ground.data.subtree_linvel[ground.model.body("car/base_link").id]
-                way, at = np.linalg.norm(velocity), math.hypot(*center[:2])
-                tires = ground.tires
-                found.append((tires[:, FORCE_ACROSS].sum(), tires[:, FORCE_ALONG].sum(), tires[:, LOAD].sum(), way, at))
-        across, along, load, way, at = np.mean(found, axis=0)
-        assert np.std(np.array(found)[:, 4]) < 0.01
-        pull = way**2 / (GRAVITY * at)
+        circle = FeltCircle(mu, 0.083, LabSettings(mus=(mu,)), "bank", degrees)
+        circle.at(0.9 * closed_form("bank", degrees, mu, circle.radius))
+        (across, along, load), data = circle.sums, circle.ground.data
+        mujoco.mj_subtreeVel(circle.ground.model, data)
+        body = circle.ground.model.body("car/base_link").id
+        center, velocity = data.subtree_com[body], data.subtree_linvel[body]
+        pull = (velocity @ velocity) / (GRAVITY * math.hypot(*center[:2]))
         assert math.hypot(across, along) / load == pytest.approx(abs((pull - slope) / (1.0 + pull * slope)), rel=0.02)
 
 
