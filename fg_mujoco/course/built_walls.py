@@ -109,6 +109,11 @@ class Walls:
         return cls(**own | ({"thickness": None} if math.isnan(own["thickness"]) else {}))
 
 
+def walls_of(*, walls: str = Walls.kind, wall_seed: int = Walls.seed, **others: Any) -> Walls:
+    """Return the walls of settings in a name; raise as Walls."""
+    return Walls(kind=walls, seed=wall_seed, **others)
+
+
 SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "walls": (" or ".join(KINDS), str),
     **dict.fromkeys(("height", "thickness", "gap", "piece", "room", "room_height"), ("METRES", float)),
@@ -118,9 +123,6 @@ SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "wall_seed": ("NUMBER", int),
 }
 """Settings in the brackets of a circuit's name, as `centreline_csv.read_settings` reads them."""
-
-FIELDS = {"walls": "kind", "wall_seed": "seed"}
-"""Those of them that are not named as the fields of Walls."""
 
 OF_EACH = {name: form for name, form in SETTINGS.items() if name not in ("room", "room_height", "clutter")}
 """Those of them that walls of one grey level of a map have; the others are of the course."""

@@ -71,11 +71,11 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     from .centreline_csv import read_settings
 
     own: dict[str, Any] = {}
-    for field, room, make in (("built", built_walls, built_walls.Walls), ("relief", ground, ground.relief_of)):
+    for field, room, make in (("built", built_walls, built_walls.walls_of), ("relief", ground, ground.relief_of)):
         told = [text for text in texts if text.partition("=")[0] in room.SETTINGS]
         settings = read_settings(name, ",".join(told), room.SETTINGS)
         try:
-            own[field] = make(**{room.FIELDS.get(key, key): value for key, value in settings.items()}) if told else None
+            own[field] = make(**settings) if told else None
         except SettingsError as error:
             raise TrackError(f"{name!r}: {error}") from error
     course: Any = _load(plain, car)

@@ -140,7 +140,8 @@ class Relief:
 
 
 def relief_of(
-    *, heights: str | None = None, low: float | None = None, high: float | None = None, **others: Any
+    *, heights: str | None = None, low: float | None = None, high: float | None = None, ground_seed: int = 0,
+    **others: Any,
 ) -> Relief:
     """Return the relief of settings in a name; `low` and `high` [m] are the heights of black and of white in a picture.
 
@@ -152,7 +153,7 @@ def relief_of(
         said = f"heights={heights}, low={low}, high={high}"
         raise SettingsError(f"{said}; accepted: low and high [m] of a grey .png, of which low is 0 unless told")
     if heights is None:
-        return Relief(**others)
+        return Relief(seed=ground_seed, **others)
     try:
         own = _read_picture(heights) if is_picture else np.load(BytesIO(read_bytes(heights)), allow_pickle=False)
     except SettingsError:
@@ -160,7 +161,8 @@ def relief_of(
     except (OSError, EOFError, MemoryError, SyntaxError, ValueError) as error:
         said = f"heights={heights}: {getattr(error, 'strerror', None) or 'no heights'}"
         raise SettingsError(f"{said}; accepted: {SETTINGS['heights'][0]}, of heights") from error
-    return Relief(heights=own if high is None else (low or 0.0) + (high - (low or 0.0)) * own, **others)
+    own = own if high is None else (low or 0.0) + (high - (low or 0.0)) * own
+    return Relief(heights=own, seed=ground_seed, **others)
 
 
 def _read_picture(path: str) -> FloatArray:
@@ -189,10 +191,6 @@ SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     **dict.fromkeys(("low", "high", "cell"), ("METRES", float)), "corner": ("X:Y", _read_point),
 }  # fmt: skip
 """Settings in the brackets of a circuit's name, as `centreline_csv.read_settings` reads them."""
-
-FIELDS = {"ground_seed": "seed"}
-"""Those of them that are not named as the fields of Relief."""
-
 
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -239,7 +239,7 @@ def _wall_kinds(
         return (), None
     from scipy import ndimage
 
-    from ..built_walls import FIELDS, OF_EACH, Walls
+    from ..built_walls import OF_EACH, walls_of
     from ..centreline_csv import read_settings
 
     accepted = "accepted: {LEVEL: {SETTING: VALUE}}, as {0: {walls: duct, height: 0.2}}"
@@ -254,7 +254,7 @@ def _wall_kinds(
             raise TrackError(f"{named}, which no wall of the image has; accepted: grey levels of walls, from 0 to 255")
         told = read_settings(named, ",".join(f"{key}={value}" for key, value in own.items()), OF_EACH)
         try:
-            kinds.append(Walls(**{FIELDS.get(key, key): value for key, value in told.items()}))
+            kinds.append(walls_of(**told))
         except SettingsError as error:
             raise TrackError(f"{named}: {error}") from error
         of_level[alike & ~is_free] = len(kinds)
