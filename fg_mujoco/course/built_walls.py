@@ -164,6 +164,9 @@ def wall_parts(
     found = []
     for place, built in enumerate(kinds):
         rng = np.random.default_rng((built.seed, 0))
+        longest = max(float(step_lengths(edge).sum()) for edge in edges)
+        if built.gap >= longest:
+            raise TrackError(f"gap is {built.gap:g} m in walls of {longest:.1f} m; accepted: a shorter one")
         if built.gap or built.weight:
             cut = [_with_gaps(edge, built, rng) for edge in standing]
         else:

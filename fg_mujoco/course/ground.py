@@ -42,6 +42,7 @@ _BRIDGE_TOP, _BRIDGE_SLOPE = 4.0, 3.0  # heights of it. An estimate: protectors 
 _STRAIGHT = 0.05  # [1/m] curvature of a stretch that takes a ramp
 _LONGEST_WAVE, _SHORTEST_WAVE, _WAVES = 5.0, 0.2, 160  # [m] of roughness, at our scale
 _STEEPEST = 1.0  # slope of a road: 45 degrees
+_HIGHEST = 1000.0  # [m] over level ground, and below
 _MOST_NODES = 2_000_000
 _SPACING, _BLOCK = 0.1, 16  # [m] between points of the line that nodes are near to; side of so many nodes at a time
 _BEYOND_STEEPEST, _LEVEL_ENOUGH = 1.2, 0.1  # share of its bank and ramp, and slope, of ground where stretches meet
@@ -99,10 +100,11 @@ class Relief:
             if own.ndim != 2 or min(own.shape) < 2 or own.size > _MOST_NODES:
                 accepted = f"(rows, columns), 2 or more each, up to {_MOST_NODES} in all"
                 raise SettingsError(f"Relief.heights has shape {own.shape}; accepted: {accepted}")
-            if not np.isfinite(own).all():
-                row, column = np.argwhere(~np.isfinite(own))[0].tolist()
+            within = np.abs(own) <= _HIGHEST  # nor is NaN
+            if not within.all():
+                row, column = np.argwhere(~within)[0].tolist()
                 said = f"Relief.heights is {own[row, column]} in row {row}, column {column}"
-                raise SettingsError(f"{said}; accepted: finite numbers")
+                raise SettingsError(f"{said}; accepted: -{_HIGHEST:g} to {_HIGHEST:g} m")
             object.__setattr__(self, "heights", own)
 
     @property

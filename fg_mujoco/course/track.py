@@ -22,7 +22,7 @@ from .. import portable
 from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
-from ..messages import CarParameters, FloatArray, MapLine, read_only
+from ..messages import CarParameters, FloatArray, MapLine, read_only, shown
 from .course import CLEAR_AHEAD, CLEAR_BEHIND, ISLAND, OnRelief, Sites, default_time_limit
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
@@ -71,6 +71,9 @@ class Track(OnRelief, Shown):
     relief: Relief | None = None  # what its ground has; None: it is level
 
     def __post_init__(self) -> None:
+        for name, kind in (("built", "Walls"), ("relief", "Relief")):
+            if getattr(self, name) is not None and type(getattr(self, name)).__name__ != kind:
+                raise TrackError(f"Track.{name} is {shown(getattr(self, name))}; accepted: {kind}, or None")
         line = read_only(self.centreline)
         if line.ndim != 2 or line.shape[1] != 2 or len(line) < MIN_POINTS:
             raise TrackError(f"a centreline of shape {line.shape}; accepted: (n, 2) with at least {MIN_POINTS} points")

@@ -302,12 +302,12 @@ def test_the_banks_of_raced_maps_have_no_steps_where_stretches_meet(name, degree
     "weight=-1", "room_height=2", "piece=3", "bank=40", "ramp=30", "roughness=E", "bank=x", "heights=none.npy",
     "kerb=0.2", "cable_bridge=-0.1", "cell=0.2", "corner=1:1", "oval[height=0.2", "random:3[gaps=1]",
     "scene:narrow_gap_150:1[height=0.2]", "scene:narrow_gap_150:1[bank=3]", "open_ground:2[roughness=C]",
-    "open_ground:2[bank=3]", "hairpins[ramp=0.5]", "fast[cable_bridge=0.02]",
+    "open_ground:2[bank=3]", "hairpins[ramp=0.5]", "fast[cable_bridge=0.02]", "gap=99", "weight=2,piece=0.1",
 ])  # fmt: skip
 def test_settings_of_walls_and_ground_that_cannot_be_are_refused_in_a_line(text):
     with pytest.raises(TrackError, match="accepted") as refused:
         course = fg.load_track(text if "[" in text else f"oval[{text}]")
-        _ = course.ground, course.hall
+        _ = course.ground, course.hall, World(course)
     assert "\n" not in str(refused.value)
 
 
@@ -330,15 +330,23 @@ def test_files_that_are_no_heights_are_refused_in_a_line(tmp_path):
     (tmp_path / "text.png").write_text("no picture")
     np.save(tmp_path / "complex.npy", np.full((9, 9), 1.0j))
     np.save(tmp_path / "own.npy", np.zeros((9, 9)))
+    np.save(tmp_path / "high.npy", np.full((900, 900), 1e9))
     for text, said in (
         ("heights={}/colour.png,high=1", "RGB.*grey PNG of 8 or 16 bits"), ("heights={}/grey.png", "high"),
         ("heights={}/text.png,high=1", "accepted"), ("heights={}/none.png,high=1", "No such file"), ("low=1", "grey"),
         ("heights={}/complex.npy", "accepted: .*real numbers"),
+        ("heights={}/high.npy", "row 0, column 0; accepted: -1000 to 1000 m"),
         ("heights={}/own.npy,corner=500:9", r"x 500\.0 to 500\.8 m, .*accepted: .* x -13\.1 to"),
     ):  # fmt: skip
         with pytest.raises(TrackError, match=said) as refused:
             _ = fg.load_track(f"oval[{text.format(tmp_path)}]").ground
         assert "\n" not in str(refused.value)
+
+
+@each(("name", "value"), (("built", "duct"), ("relief", {"bank": 5})))
+def test_what_is_no_walls_or_ground_is_refused(name, value):
+    with pytest.raises(TrackError, match=f"Track.{name} is .*; accepted: "):
+        replace(fg.load_track("oval"), **{name: value})
 
 
 def test_kerbs_rise_along_both_walls_of_bends_and_a_cable_bridge_crosses_a_straight():

@@ -61,6 +61,15 @@ def test_a_mesh_comes_back_with_the_walls_where_they_are(suffix, tmp_path):
     assert distance.max() < 1e-5  # each point of the wall is in the mesh
 
 
+def test_a_mesh_has_ducts_on_banked_ground(tmp_path):
+    track = fg.load_track("oval[walls=duct,height=0.2,bank=10]")
+    export_track(track, tmp_path / "a.stl")
+    vertices = track.ground.lifted(track.wall_surface()[0])
+    assert vertices[:, 2].max() > 0.3
+    bounds = trimesh.load(tmp_path / "a.stl").bounds
+    assert bounds == pytest.approx(np.stack((vertices.min(axis=0), vertices.max(axis=0))), abs=1e-5)
+
+
 @each(
     ("name", "resolution", "error", "message"),
     [

@@ -196,7 +196,7 @@ def test_walls_of_a_map_are_built_as_the_table_says_of_the_grey_that_they_are_dr
 
 @each("table", [
     "[0]", "{0: duct}", "{0: {hight: 0.2}}", "{0: {walls: round}}", "{30: {height: 0.2}}", "{254: {height: 0.2}}",
-    "{black: {height: 0.2}}", "{0: {height: 20}}", "{0: {room: 5}}",
+    "{black: {height: 0.2}}", "{-1: {height: 0.2}}", "{0: {height: 20}}", "{0: {room: 5}}",
 ])  # fmt: skip
 def test_tables_of_walls_that_cannot_be_are_refused_in_a_line_with_the_file(table, tmp_path):
     with pytest.raises(TrackError, match=r"drawn\.yaml.*accepted") as refused:

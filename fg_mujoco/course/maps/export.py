@@ -22,7 +22,7 @@ from ..course import Course
 from ..documents import comment
 from ..polyline import enclosed_area
 from ..track import Track
-from ..track_mesh import wall_surface
+from ..track_mesh import Surface
 from ..writing import write_files
 from .map_server import RESOLUTION, image_line, require_maps_extra
 from .walls import outlines
@@ -98,7 +98,8 @@ def _contents(track: Track, files: tuple[Path, ...], resolution: float) -> dict[
     require_trimesh()
     import trimesh  # heavy
 
-    vertices, faces = wall_surface(track.edges)
+    vertices, faces = cast(Surface, track.wall_surface())
+    vertices = vertices if track.ground is None else track.ground.lifted(vertices)
     mesh = trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
     if suffix == ".glb":
         mesh.apply_transform(_Y_UP)

@@ -249,7 +249,8 @@ def _wall_kinds(
     of_level, there = np.zeros(len(values), np.uint16), np.bincount(levels.ravel(), minlength=len(values)) > 0
     for level, own in table.items():
         named = f"{path}: walls of level {level!r}"
-        alike = np.abs(values - level) < _ALIKE if _is_finite(level) else np.zeros(len(values), np.bool_)
+        is_level = _is_finite(level) and 0 <= level <= 255
+        alike = np.abs(values - level) < _ALIKE if is_level else np.zeros(len(values), np.bool_)
         if not (alike & there & ~is_free).any():
             raise TrackError(f"{named}, which no wall of the image has; accepted: grey levels of walls, from 0 to 255")
         told = read_settings(named, ",".join(f"{key}={value}" for key, value in own.items()), OF_EACH)
