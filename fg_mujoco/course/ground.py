@@ -264,6 +264,7 @@ def make_ground(track: Any) -> Ground | None:
     heights = np.zeros(rows * columns)
     if relief.shaped:
         most = math.tan(math.radians(abs(relief.bank))) + math.tan(math.radians(relief.ramp))
+        most += math.pi * abs(relief.crest) / _CREST_LENGTH
         most += relief.kerb / _KERB_RISE + (relief.cable_bridge > 0.0) / _BRIDGE_SLOPE
         found = _along_and_across(track, *_places(track, nodes)).reshape(rows, columns)
         heights += _without_steps(found, (_BEYOND_STEEPEST * most + _LEVEL_ENOUGH) * cell).ravel()

@@ -349,6 +349,15 @@ def test_what_is_no_walls_or_ground_is_refused(name, value):
         replace(fg.load_track("oval"), **{name: value})
 
 
+@each(("text", "least", "most"), [
+    ("crest=0.5", 0.0, 0.5), ("crest=-0.3", -0.3, 0.0), ("ramp=20", 0.0, 0.25), ("kerb=0.05", 0.0, 0.05),
+    ("cable_bridge=0.1", 0.0, 0.1),
+])  # fmt: skip
+def test_ground_is_as_high_as_it_was_told(text, least, most):
+    heights = fg.load_track(f"oval[{text}]").ground.heights
+    assert (heights.min(), heights.max()) == pytest.approx((least, most), abs=0.001)
+
+
 def test_kerbs_rise_along_both_walls_of_bends_and_a_cable_bridge_crosses_a_straight():
     course = fg.load_track("oval[kerb=0.01,cable_bridge=0.02]")
     plain = fg.load_track("oval")
