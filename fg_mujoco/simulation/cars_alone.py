@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from typing import Any
 
 import mujoco
@@ -41,6 +42,9 @@ def without_course(xml: str) -> str:
     for section in (*root.findall("asset"), *root.findall("custom")):
         for element in list(section):
             name = element.get("name", "")
+            heights = element.attrib.pop("elevation", None)  # copied from the world's model: reading them in a thread
+            if heights is not None:  # fails now and then, "unknown error in attribute 'elevation'" (mujoco 3.17.0)
+                root.set("model", f"{root.get('model')} {sha256(heights.encode()).hexdigest()}")
             if (element.tag == "mesh" and name not in seen) or (element.tag == "numeric" and name.startswith(PREFIX)):
                 section.remove(element)
     return ElementTree.tostring(root, encoding="unicode")
@@ -59,6 +63,9 @@ class CarsAlone(Uncopied):
 
     def __init__(self, xml: str, world: mujoco.MjModel, cars: Sequence[Car]) -> None:
         self._model = mujoco.MjModel.from_xml_string(xml)
+        for number in range(self._model.nhfield):
+            field = self._model.hfield(number)
+            field.data[:] = world.hfield(field.name).data
         fit_timestep(self._model)
         self._model.dof_length[:] = world.dof_length  # for falling asleep: with what is only seen
         for car in cars:

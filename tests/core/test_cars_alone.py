@@ -24,6 +24,11 @@ def worlds():
     return [fg.World("oval"), fg.World("random:0", obstacles=(BOX,), patches=(PATCH,))]
 
 
+def test_cars_alone_on_other_heights_are_others():
+    texts = {fg.World(f"oval[roughness=D,ground_seed={seed}]").xml_of_cars for seed in (1, 2, 2)}
+    assert len(texts) == 2 and not any("elevation" in text for text in texts)
+
+
 def rebuilt(worlds):
     """Return an engine whose worlds have come in the places of others, with cars alone."""
     engine = Engine(worlds[0], len(worlds))
