@@ -92,7 +92,7 @@ RECOVERY_STAGE = Stage(
     text="a car that stands without a frontier reverses and tries again", needs=("safety_filter",), needs_friction=True
 )
 IMU_STAGE = Stage(
-    text="the friction limiter counts on the load, the bank and the twist of the road that the IMU feels",
+    text="the friction limiter takes load, bank and twist of the road into account, as the IMU feels them",
     needs=("limiter",), needs_friction=True, before_reference=NativeStep("feel_ground"), state_type=FELT_GROUND,
 )  # fmt: skip
 LIMITER_STAGE = Stage(

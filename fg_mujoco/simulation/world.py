@@ -309,12 +309,7 @@ def _compose(
         spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     ground = getattr(track, "ground", None)
     if ground is not None:
-        if any(car.numeric(NUMERIC.format("front")) is None for car in cars):
-            said = "tires of the model 'contact', which MuJoCo's height fields shake, on ground that is not level"
-            raise SettingsError(f"{said}; accepted: any other set, or a level course")
-        if track.moving or any(part.built.weight for part in getattr(track, "wall_parts", ())):
-            said = f"things that move on {track.name!r}, whose ground is not level"
-            raise SettingsError(f"{said}; accepted: none, or a level course")
+        _require_level_for(track, cars)
         from .terrain import add_terrain
 
         add_terrain(spec, ground)
@@ -382,6 +377,16 @@ def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...], *, wa
         _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
     for index, obstacle in enumerate(obstacles):
         _add_hull(spec, f"{OBSTACLE_PREFIX}{index}", _prism(obstacle, ground), _OBSTACLE_COLOUR)
+
+
+def _require_level_for(track: Course, cars: Sequence[Any]) -> None:
+    """Raise SettingsError for tires, or things that move, that level ground only can have."""
+    if any(car.numeric(NUMERIC.format("front")) is None for car in cars):
+        said = "tires of the model 'contact', which MuJoCo's height fields shake, on ground that is not level"
+        raise SettingsError(f"{said}; accepted: any other set, or a level course")
+    if track.moving or any(part.built.weight for part in getattr(track, "wall_parts", ())):
+        said = f"things that move on {track.name!r}, whose ground is not level"
+        raise SettingsError(f"{said}; accepted: none, or a level course")
 
 
 def _add_light(spec: Any, track: Course) -> None:
